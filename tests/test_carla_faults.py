@@ -117,6 +117,10 @@ def test_7_a_track_is_of_one_actor_and_does_not_depend_on_the_order_of_files(
     for row in kwcoco["annotations"]:
         actors.setdefault(row["track_id"], set()).add((row["actor"], row["instance"]))
     assert all(len(each) == 1 for each in actors.values())
+    variants = {row["id"]: row["variant"] for row in kwcoco["videos"]}
+    videos = {row["id"]: variants[row["video_id"]] for row in kwcoco["images"]}
+    tracks = {row["id"]: row["variant"] for row in kwcoco["tracks"]}
+    assert all(videos[row["image_id"]] == tracks[row["track_id"]] for row in kwcoco["annotations"])
     assert set(actors) <= {row["id"] for row in kwcoco["tracks"]}
     again = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
     name = "annotations/kwcoco.json"

@@ -11,11 +11,11 @@ import operator
 import os
 import weakref
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.attacks.patch_metadata import PatchMetadata, patch_metadata
+from recipe_runtime.attacks.textures import as_images, rendered_patch
 from recipe_runtime.attacks.truth import FrameTruth, patch_truth
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
@@ -37,8 +39,13 @@ from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
 
+if TYPE_CHECKING:
+    from recipe_runtime.attacks.patch_view import PatchView
+    from recipe_runtime.render.retexture.patched_frame import PatchedFrame
+
 SCENE_CACHE_SIZE = 2  # renderers in memory, each with the triangles of a town
 MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU
+PATCHED_FRAME_CACHE_SIZE = 8  # a few MB each
 OBSERVATION_CACHE_SIZE = 2  # so that modalities and weathers of one frame share its observation
 
 
@@ -52,15 +59,18 @@ class Scenes:
         self._process = os.getpid()
         self._sources: OrderedDict[str, SceneSource] = OrderedDict()
         self._observations: OrderedDict[tuple[str, str, int], tuple[Any, Observed]] = OrderedDict()  # with its renderer
+        self._patched: OrderedDict[tuple[str, ...], PatchedFrame] = OrderedDict()
         self._release: Callable[[], object] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_sources": OrderedDict(), "_seen": OrderedDict(), "_release": None}
+        empty: dict[str, Any] = {name: OrderedDict() for name in ("_sources", "_observations", "_patched")}
+        return {**self.__dict__, **empty, "_release": None}
 
     def close(self) -> None:
         """Release renderers and the lease of the cache; both are acquired again when needed."""
         self._sources.clear()
         self._observations.clear()
+        self._patched.clear()
         if self._release is not None:
             self._release()
             self._release = None
@@ -91,12 +101,25 @@ class Scenes:
             self._observations[key] = source.renderer, seen
         return seen
 
+    def patched_frame(self, plan: ScenarioPlan, sensor: SensorPlan, frame: int) -> PatchedFrame:
+        """Return a frame for rendering with other textures on its patches."""
+        self._adopt_process()
+        key = plan.scene.digest, plan.appearance.digest, digest("sensor/1", sensor.document()), str(frame)
+        if key not in self._patched:
+            while len(self._patched) >= PATCHED_FRAME_CACHE_SIZE:
+                self._patched.popitem(last=False)
+            seen = self.observe(plan.scene, sensor, frame)
+            self._patched[key] = self.source(plan.scene).patched_frame(seen, plan.appearance, sensor, frame)
+        self._patched.move_to_end(key)
+        return self._patched[key]
+
     def _adopt_process(self) -> None:
         """Discard state of a parent process, and take a lease on the cache."""
         if self._process != os.getpid():
             self._process = os.getpid()
             self._sources.clear()
             self._observations.clear()
+            self._patched.clear()
             self._release = None  # its owner releases it
         if self._release is None:  # held until closed or collected, or the process ends
             stack = ExitStack()
@@ -188,20 +211,31 @@ class Scenario(Sequence[Frame]):
     def __repr__(self) -> str:
         return f"<{self.variant}: {count(len(self), 'frame')} of {', '.join(self.sensors)}>"
 
-    def render(self, frame: int, sensor: str | None = None, modality: str = "rgb") -> NDArray[np.generic]:
+    def render(
+        self,
+        frame: int,
+        sensor: str | None = None,
+        modality: str = "rgb",
+        *,
+        textures: Mapping[str, Any] | None = None,
+    ) -> NDArray[np.generic]:
         """Render one modality of a frame, equal to that of a build.
 
         Args:
             frame: Frame number; negative numbers count from the end.
             sensor: Name of a sensor, the first by default.
             modality: A modality that the sensor captures.
+            textures: Images to render on patches in place of the recipe's, by the patch's name: arrays [h, w, 3] or
+                tensors [3, h, w], uint8 or 0 to 1 (rounded to 8 bits). The frame equals that of a recipe with these
+                images. Further calls for the same frame render the patches' pixels alone.
 
         Returns:
             A new array. rgb: uint8 [H, W, 3], sRGB. depth: float32 [H, W], metres along the optical axis. instance:
             uint16 [H, W], class * 1000 + number. semantic: uint8 [H, W], CARLA 0.9.14 tags.
 
         Raises:
-            InputError: There is no such sensor, or it does not capture the modality or take the frame.
+            InputError: There is no such sensor, it does not capture the modality or take the frame, there is no such
+                patch, or a texture is not an image.
             IndexError: There is no such frame.
         """
         plan = self._sensor(sensor)
@@ -212,6 +246,9 @@ class Scenario(Sequence[Frame]):
                 help=f"it captures {', '.join(plan.capture)}",
                 code=Code.UNKNOWN_NAME,
             )
+        if textures and modality == "rgb":
+            images = as_images(self.plan.appearance.patches, textures)
+            return self._scenes.patched_frame(self.plan, plan, frame).render(images)
         if self._disk_cache is None:
             return self._render(frame, plan, modality)
         key = self._key(frame, plan, modality)
@@ -238,6 +275,27 @@ class Scenario(Sequence[Frame]):
             pictures: dict[str, NDArray[np.generic]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 
+    def patch_view(
+        self, frame: int, patch: str, sensor: str | None = None, *, size: tuple[int, int] | None = None
+    ) -> PatchView:
+        """Return a patch in a frame as a function of its texture, with the exact gradient.
+
+        Args:
+            frame: Frame number; negative numbers count from the end.
+            patch: Name of a patch of mode `rendered`.
+            sensor: Name of a sensor, the first by default.
+            size: Height and width of the texture; those of the recipe's image by default.
+
+        Raises:
+            InputError: There is no such sensor or patch, or the patch has no image and no size is given.
+            IndexError: There is no such frame.
+        """
+        from recipe_runtime.attacks.patch_view import patch_view
+
+        plan = self._sensor(sensor)
+        rendered_patch(self.plan.appearance.patches, patch)
+        return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), patch, size)
+
     def patches(self, frame: int, sensor: str | None = None) -> FrameTruth:
         """Return the truth of the patches of a frame, as `recipe build` writes it.
 
@@ -249,6 +307,27 @@ class Scenario(Sequence[Frame]):
         frame = self._taken(frame, plan)
         source, seen = self._scenes.source(scene), self._scenes.observe(scene, plan, frame)
         return patch_truth(source, self.plan.appearance, plan, seen, frame)
+
+    def patch_metadata(self, frame: int, patch: str | None = None, sensor: str | None = None) -> PatchMetadata | None:
+        """Return a patch of a frame as Armory's attacks take it; None if it is not seen.
+
+        Args:
+            frame: Frame number; negative numbers count from the end.
+            patch: Name of a patch, the first by default.
+            sensor: Name of a sensor, the first by default.
+
+        Raises:
+            InputError: There is no such patch or sensor, or the sensor does not take the frame.
+            IndexError: There is no such frame.
+        """
+        plans = {plan.name: plan for plan in self.plan.appearance.patches}
+        name = next(iter(plans), None) if patch is None else patch
+        if name not in plans:
+            there = ", ".join(plans) or "none"
+            raise InputError(f"{self.variant} has no patch {name!r}; it has {there}", code=Code.UNKNOWN_NAME)
+        truth = self.patches(frame, sensor)
+        record = next(record for record in truth["patches"] if record["name"] == name)
+        return patch_metadata(record, plans[name], truth["width"], truth["height"])
 
     def labels(self, frame: int, sensor: str | None = None) -> list[LabelRecord]:
         """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""

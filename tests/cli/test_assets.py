@@ -10,12 +10,17 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.runner import run_here
+
 GOOD = Path(__file__).parents[1] / "cases/good/assets"
 
 
-def run(*arguments: str, cwd: Path, code: int = 0) -> str:
-    command = [sys.executable, "-m", "recipe_cli", *arguments]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+def run(*arguments: str, cwd: Path, code: int = 0, in_process: bool = True) -> str:
+    if in_process:
+        done = run_here(*arguments, cwd=cwd)
+    else:
+        command = [sys.executable, "-m", "recipe_cli", *arguments]
+        done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return done.stdout + done.stderr
@@ -34,7 +39,7 @@ def test_a_plan_lists_assets_with_digests_and_sizes(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_dataset_brings_its_assets_and_is_verified_alone_and_with_its_recipe(tmp_path: Path) -> None:
     shutil.copytree(GOOD, tmp_path / "recipe")
-    run("build", "recipe/recipe.yaml", "--out", "set", "--workers", "2", cwd=tmp_path)
+    run("build", "recipe/recipe.yaml", "--out", "set", "--workers", "2", cwd=tmp_path, in_process=False)
     shutil.move(tmp_path / "recipe", tmp_path / "away")
     alone = run("verify", "set", "--frames", "2", "--workers", "1", cwd=tmp_path)
     assert alone.startswith("PASS")

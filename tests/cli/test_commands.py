@@ -119,8 +119,8 @@ def test_a_url_where_a_path_is_wanted_is_refused_and_its_password_is_not_shown(c
 
 @pytest.mark.slow
 def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
-    locked = run("lock", "small.yaml", "--workers", "1", cwd=folder)
-    built = run("build", "small.yaml", cwd=folder)
+    locked = run_here("lock", "small.yaml", cwd=folder)
+    built = run_here("build", "small.yaml", cwd=folder)
     verified = run("verify", "small.yaml", "--workers", "1", cwd=folder)
     identity = built.stdout.splitlines()[-1]
     assert identity.startswith("small@sha256:")

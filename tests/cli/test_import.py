@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -127,6 +128,19 @@ def test_the_papers_listings_build_and_verify(tmp_path: Path) -> None:
     assert (report["verdict"], report["checked"]) == ("PASS", 6)
     document = json.loads((tmp_path / "dataset" / "annotations" / "kwcoco.json").read_text())
     assert len(document["images"]) == 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["following", "oscar"])
+def test_other_imports_build_and_verify(name: str, tmp_path: Path) -> None:
+    """An arm, a slow sensor, sensors on people; a green screen, traffic and a warm-up."""
+    assert run_here("import", "carla", *TOGETHER[name], cwd=tmp_path).returncode == 0
+    (path,) = (tmp_path / "recipes").glob("*.yaml")
+    text = re.sub(r"(?<=camera: {)width: \d+, height: \d+", "width: 48, height: 32", path.read_text())
+    path.write_text(text.replace("frames: 40", "frames: 3"))
+    built = run_here("build", path, "-o", "dataset", cwd=tmp_path)
+    assert built.returncode == 0, built.stderr
+    assert run_here("verify", "dataset", "--all", cwd=tmp_path).stdout.startswith("PASS")
 
 
 def test_every_configuration_of_the_tests_is_imported_by_the_command(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.runner import run_here
 from tests.cli.test_commands import RECIPE, run
 
 
@@ -25,14 +26,14 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_lock_after_a_build_takes_it_over_and_is_the_lockfile_of_a_fresh_one(project: Path) -> None:
-    locked = run("lock", "small.yaml", "--workers", "1", cwd=project)
+    locked = run_here("lock", "small.yaml", cwd=project)
     assert locked.returncode == 0, locked.stderr
     assert "4 frames reused from the dataset built here\n" in locked.stdout
     text = (project / "lockfiles/small.lock").read_text()
     (project / "lockfiles/small.lock").unlink()
     shutil.move(project / "datasets", project / "elsewhere")
     try:
-        fresh = run("lock", "small.yaml", "--workers", "1", cwd=project)
+        fresh = run_here("lock", "small.yaml", cwd=project)
     finally:
         shutil.move(project / "elsewhere", project / "datasets")
     assert fresh.returncode == 0 and "taken over" not in fresh.stdout
@@ -48,11 +49,11 @@ def test_a_copied_dataset_is_verified_and_built_again_from_itself(project: Path,
     }
     readme = (copy / "README.md").read_text()
     assert "<script>" not in readme and "recipe build recipe/small.yaml" in readme
-    verified = run("verify", copy, "--workers", "1", cwd=tmp_path)
+    verified = run_here("verify", copy, cwd=tmp_path)
     assert verified.returncode == 0 and verified.stdout.startswith("PASS"), verified.stdout + verified.stderr
-    built = run("build", copy / "recipe/small.yaml", "--out", "again", "--workers", "1", "--json", cwd=tmp_path)
+    built = run_here("build", copy / "recipe/small.yaml", "--out", "again", "--json", cwd=tmp_path)
     assert built.returncode == 0, built.stderr
     assert json.loads(built.stdout)["identity"] == json.loads((copy / "manifest.json").read_text())["identity"]
     (copy / "recipe/parts/base.yaml").write_text(RECIPE + "# changed\n")
-    changed = run("verify", copy, "--integrity", cwd=tmp_path)
+    changed = run_here("verify", copy, "--integrity", cwd=tmp_path)
     assert changed.returncode == 1 and "recipe/parts/base.yaml" in changed.stdout

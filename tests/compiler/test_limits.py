@@ -92,10 +92,10 @@ def test_the_estimate_of_compiling_is_of_the_right_size(tmp_path: Path) -> None:
     still = small()["base"]["sensors"]["street"] | {"motion": {}}
     large = {"name": "downtown", "blocks": [9, 9]}
     for sweep, base in (
-        ({"repeats": 200}, {"town": {"name": "downtown", "blocks": [5, 5]}, "sensors": {"street": still}}),
-        ({"repeats": 20}, {"town": {"name": "downtown", "blocks": [5, 5]}, "traffic": {"pedestrians": 200}}),
-        ({"draw": {"count": 4, "values": {"town.seed": {"integer": [1, 10**9]}}}}, {"town": large}),
-        ({}, {"clock": {"fps": 10, "frames": 10_000}}),
+        ({"repeats": 60}, {"town": {"name": "downtown", "blocks": [5, 5]}, "sensors": {"street": still}}),
+        ({"repeats": 8}, {"town": {"name": "downtown", "blocks": [5, 5]}, "traffic": {"pedestrians": 200}}),
+        ({"draw": {"count": 2, "values": {"town.seed": {"integer": [1, 10**9]}}}}, {"town": large}),
+        ({}, {"clock": {"fps": 10, "frames": 4000}}),
     ):
         started = time.process_time()
         result = compiled(small(**base) | {"sweep": sweep})

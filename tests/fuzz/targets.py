@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from recipe_compiler import carla
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir import assets, lockfile
 from recipe_compiler.ir.assets.png import SIGNATURE
@@ -104,6 +105,11 @@ def _file(name: str, content: bytes) -> Path:
 def _recipe(content: bytes) -> None:
     with suppress(InputError):
         compile_recipe(_file("fed.yaml", content))
+
+
+def _carla(content: bytes) -> None:
+    with suppress(InputError):
+        carla.imported([carla.File("fed.yaml", content)])
 
 
 def _lockfile(content: bytes) -> None:
@@ -334,6 +340,7 @@ def _locks() -> Iterator[bytes]:
 
 TARGETS = {
     "recipe": Target(_recipe, _found("tests/cases/good/*/recipe.yaml", "tests/golden/*.yaml")),
+    "carla": Target(_carla, _found("tests/compiler/carla/configs/**/*.yaml")),
     "lockfile": Target(_lockfile, _found("tests/golden/lockfiles/*.lock")),
     "verified": Target(_verified, _locks),
     "pack": Target(_pack, _packs),

@@ -56,7 +56,7 @@ def main(folder: Path, frames: int) -> None:
     trace = store.trace(scene, lambda: simulated(scene))
     trace = store.trace(scene, lambda: simulated(scene))
     source = SceneSource(scene, trace, engines=ENGINES)
-    for frame in range(0, frames, max(1, frames // 100)):
+    for frame in range(0, frames, max(1, frames // 20)):
         source.labels(source.observe(sensor, frame), sensor, frame)
     body_motions(trace)
     for _ in tracks_csv(scene, trace):

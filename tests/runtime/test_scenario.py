@@ -180,9 +180,18 @@ def test_the_disk_cache_tells_weathers_apart_and_shares_labels(tmp_path: Path) -
     assert (first.render(0) != second.render(0)).any()
 
 
+@pytest.fixture(scope="module")
+def wanted() -> list[NDArray[np.generic]]:
+    """The frames of a scenario that was never stopped."""
+    with recipe_runtime.open(TINY, variant=RAIN) as fresh:
+        return [fresh.render(frame) for frame in range(4)]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("before", [4, 16, 28, 40])
-def test_a_frame_that_is_stopped_takes_its_renderer_along(before: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_that_is_stopped_takes_its_renderer_along(
+    wanted: list[NDArray[np.generic]], before: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What a renderer keeps from frame to frame may be half made then, so nothing of it is believed any more."""
     from recipe_runtime.render.device.setup import wp
 
@@ -195,8 +204,6 @@ def test_a_frame_that_is_stopped_takes_its_renderer_along(before: int, monkeypat
             raise KeyboardInterrupt
         launch(*arguments, **named)
 
-    with recipe_runtime.open(TINY, variant=RAIN) as fresh:
-        wanted = [fresh.render(frame) for frame in range(4)]
     with recipe_runtime.open(TINY, variant=RAIN) as scenario:
         scenario.render(0)
         stopped = scenario._scenes.source(scenario.plan.scene).renderer

@@ -25,10 +25,10 @@ _MAX_SHARD = 1 << 50  # bytes
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["webdataset", "mots", "kitti"]),
+    type=click.Choice(["webdataset", "mots", "kitti", "armory"]),
     default="webdataset",
     show_default=True,
-    help="The output format: tar shards, or the layout of MOTSChallenge or KITTI.",
+    help="The output format: tar shards, or the layout of MOTSChallenge, KITTI or Armory.",
 )
 @click.option(
     "--shard-size",
@@ -45,7 +45,8 @@ def command(
     """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
 
     webdataset: tar files in which the pictures and the records of a frame are adjacent. mots and kitti: the pictures
-    and labels in the layout of MOTSChallenge, or of KITTI's tracking and MOTS benchmarks.
+    and labels in the layout of MOTSChallenge, or of KITTI's tracking and MOTS benchmarks. armory: frames and the truth
+    of the first patch in the layouts of Armory's CARLA datasets.
     """
     if (out is None) == (output is None):
         raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")

@@ -24,6 +24,7 @@ from recipe_compiler.source.yaml_reader import Value
 MAX_FILES = 200
 MAX_REPORTED = 100_000  # values in the reports of all configurations together
 _ACTORS = ("spawn_actors", "actors")
+_CONTEXT = {"_target_", "client_params", "simulation_params", "sync_params", "weather_params"}
 _WEATHER_PATHS: tuple[tuple[str, ...], ...] = (("weather",), ("context", "weather_params"), ("weather_params",), ())
 
 
@@ -141,13 +142,26 @@ def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[
                 Problem(message, root.place, "is this a configuration of CARLA's collector?", Code.INVALID_VALUE)
             )
         elif root is not None and not wrong:
-            found.append(_Source(file, root))
+            found.append(_Source(file, _of_group(root)))
             values += _values(found[-1])
         if values > MAX_REPORTED:
             message = f"{values:,} values up to here, and {MAX_REPORTED:,} is the limit of all files together"
             problems.append(Problem(message, start, "import fewer files at once", Code.INPUT_LIMIT))
             break
     return found
+
+
+def _of_group(root: Value) -> Value:
+    """A file of OSCAR's group `context`, below that key; other files as they are."""
+    if not set(root.map) <= _CONTEXT or not set(root.map) & (_CONTEXT - {"_target_", "weather_params"}):
+        return root
+    return Value({"context": root}, root.place, {"context": root.place})
+
+
+def _has_actors(root: Value) -> bool:
+    """Whether a file is a configuration: one that spawns something, or that is not a map or a list there."""
+    given = [root.map[key].data for key in _ACTORS if key in root.map]
+    return any(data != {} and not (isinstance(data, str) and data.startswith("${oc.dict.values:")) for data in given)
 
 
 def _of_empty(start: Place) -> Problem:
@@ -159,7 +173,7 @@ def _sort(sources: Iterable[_Source], problems: list[Problem]) -> _Sorted:
     found = _Sorted()
     for source in sources:
         path = _weather_path(source.root)
-        if any(key in source.root.map for key in _ACTORS):
+        if _has_actors(source.root):
             found.configurations.append(source)
         elif path is not None:
             found.weathers.append((source, path))

@@ -10,6 +10,7 @@ middle of the town. A point that is still inside something solid is moved alone,
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -43,7 +44,7 @@ class Point:
         y: metres.
         z: height, of a sensor; metres.
         yaw: of a vehicle; degrees.
-        goal: where a pedestrian goes.
+        goal: where a pedestrian goes, or a sensor moves.
     """
 
     kind: Literal["walker", "vehicle", "sensor"]
@@ -59,7 +60,7 @@ class Site:
 
     def __init__(self, name: str) -> None:
         """Generate the town of a name, with its default parameters."""
-        self.town: Town = towns.build(name, 0, {})
+        self.town = _town(name)
         self._planner = Planner(self.town.obstacles)
         self._yards = Yards(self.town)
         (x0, x1), (y0, y1) = self.town.streets.bounds
@@ -99,7 +100,7 @@ class Site:
         if anchor.kind == "vehicle":
             spots = tuple(spot for spot in spots if _between(spot.yaw, anchor.yaw) < _TURN) or spots
         mx, my = self._middle
-        near = sorted(spots, key=lambda spot: ((spot.x - mx) ** 2 + (spot.y - my) ** 2, spot.x, spot.y))
+        near = sorted(spots, key=lambda spot: (_squared(spot.x - mx, spot.y - my), spot.x, spot.y))
         for spot in near[:_MOST_SPOTS]:
             s, c = exact.sin_cos_deg(spot.yaw)
             for across in _ASIDE if anchor.kind != "vehicle" else (0.0,):
@@ -115,16 +116,21 @@ class Site:
             if total >= limit:
                 break
             if point.kind == "sensor":
-                total += self._cost_of_sensor(point, x, y)
+                total += self._cost_of_sensor(point, x, y, vector)
             else:
                 total += self._cost_of_actor(point, x, y, vector, cameras)
         return total
 
-    def _cost_of_sensor(self, point: Point, x: float, y: float) -> float:
+    def _cost_of_sensor(self, point: Point, x: float, y: float, vector: XY) -> float:
         solid = self.town.obstacles.at(x, y, 0.3)
         low = point.z < _LOW
         inside = solid is not None and (solid.kind in BUILDINGS or low)
-        return _SOLID * inside + _ON_ROAD / 2 * (low and self._is_road(x, y))
+        cost = _SOLID * inside + _ON_ROAD / 2 * (low and self._is_road(x, y))
+        if point.goal is None:
+            return cost
+        way = (x, y, point.goal[0] + vector[0], point.goal[1] + vector[1])
+        across = [o for o in self.town.obstacles.across(way, 0.3) if low or o.kind in BUILDINGS]
+        return cost + sum(_SOLID / 4 if o.kind in BUILDINGS else _ROUND for o in across)
 
     def _cost_of_actor(self, point: Point, x: float, y: float, vector: XY, cameras: Sequence[XY]) -> float:
         if point.kind == "vehicle":
@@ -163,6 +169,11 @@ class Site:
         return any(_fits(spot, x, y, yaw) for spot in self.town.spots["vehicle"])
 
 
+@functools.lru_cache(maxsize=len(towns.NAMES))
+def _town(name: str) -> Town:
+    return towns.build(name, 0, {})
+
+
 def _fits(spot: Pose, x: float, y: float, yaw: float) -> bool:
     """Whether a vehicle is on the lane of a spawn point, within 12 m along it, and faces its direction."""
     dx, dy = x - spot.x, y - spot.y
@@ -170,6 +181,10 @@ def _fits(spot: Pose, x: float, y: float, yaw: float) -> bool:
         return False
     s, c = exact.sin_cos_deg(spot.yaw)
     return abs(c * dy - s * dx) < _LANE
+
+
+def _squared(x: float, y: float) -> float:
+    return x * x + y * y
 
 
 def _between(a: float, b: float) -> float:

@@ -253,7 +253,7 @@ class Scene:
             elif spec.kind == "vehicle":
                 points.append(Point("vehicle", pose.x, pose.y, yaw=pose.yaw))
             elif spec.kind == "sensor" and self.carrier(spec) is None:
-                points.append(Point("sensor", pose.x, pose.y, pose.z))
-                if spec.goal is not None and spec.route is None:
-                    points.append(Point("sensor", spec.goal.pose.x, spec.goal.pose.y, spec.goal.pose.z))
+                moves = spec.goal is not None and spec.route is None
+                goal = (spec.goal.pose.x, spec.goal.pose.y) if spec.goal is not None and moves else None
+                points.append(Point("sensor", pose.x, pose.y, pose.z, goal=goal))
         return points

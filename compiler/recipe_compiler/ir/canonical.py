@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, TypeAlias
@@ -20,6 +20,8 @@ import rfc8785
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+_quoted: Callable[[str], str] = encode_basestring
 
 JsonValue: TypeAlias = bool | int | float | str | Sequence[object] | Mapping[str, object] | None
 """A value with a JSON form. Sequences are lists or tuples, mappings are dicts, and their items are such values too."""
@@ -39,15 +41,25 @@ def canonical_bytes(value: JsonValue) -> bytes:
 
 
 def _text(value: object) -> str:
-    """Return the text of `rfc8785.dumps`, ten times as fast for many short strings, such as the colours of a town."""
-    if isinstance(value, str):
-        return str(encode_basestring(value))
+    """Return the text of `rfc8785.dumps`, many times as fast for the colours of a town or the boxes of a frame."""
+    kind = type(value)
+    if kind is float:
+        return _float_text(value)  # type: ignore[arg-type]  # mypy does not narrow by `kind`
+    if kind is str:
+        return _quoted(value)  # type: ignore[arg-type]
     if isinstance(value, dict):
         by_name = sorted(value.items(), key=None if all(map(str.isascii, value)) else _utf_16)
-        return "{" + ",".join([f"{encode_basestring(key)}:{_text(item)}" for key, item in by_name]) + "}"
+        return "{" + ",".join([f"{_quoted(key)}:{_text(item)}" for key, item in by_name]) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ",".join(map(_text, value)) + "]"
-    if isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0:
+        return "[" + ",".join([_text(item) for item in value]) + "]"
+    return _float_text(value) if isinstance(value, float) else _scalar(value)
+
+
+def _float_text(value: float) -> str:
+    """Return the shortest digits, without an exponent where Python and RFC 8785 both write none."""
+    if 1e-4 <= abs(value) < 1e16:
+        return float.__repr__(value).removesuffix(".0")
+    if value == 0.0 and math.copysign(1.0, value) < 0:
         raise ValueError("-0.0")
     return _scalar(value)
 
@@ -57,8 +69,8 @@ def _utf_16(entry: tuple[str, object]) -> bytes:
 
 
 @lru_cache(maxsize=1 << 14, typed=True)
-def _scalar(value: bool | int | float | None) -> str:
-    return rfc8785.dumps(value).decode()
+def _scalar(value: object) -> str:
+    return rfc8785.dumps(value).decode()  # type: ignore[arg-type]  # it refuses what it cannot write
 
 
 def digest(domain: str, value: JsonValue) -> str:

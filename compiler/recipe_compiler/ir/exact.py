@@ -12,6 +12,11 @@ _LN2_HIGH = 6.93147180369123816490e-01
 _LN2_LOW = 1.90821492927058770002e-10
 
 
+def distance(ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the distance of two points of the plane."""
+    return math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+
+
 def _sin_small(x: float) -> float:
     """Sine of x radians, |x| <= pi/4, by its Taylor series (error below 1e-17)."""
     z = x * x

@@ -7,12 +7,12 @@ triangles it has. A range of two integers accepts whole numbers only.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Element
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.semantic_tags import BODIES, BODY_TAGS, Tag
@@ -185,7 +185,7 @@ def route_metres(actors: Iterable[ActorPlan]) -> float:
     for actor in actors:
         if actor.category == "vehicle":
             points = [(actor.start.x, actor.start.y), *((point.x, point.y) for point in actor.route)]
-            total += sum(math.dist(a, b) for a, b in pairwise(points))
+            total += sum(exact.distance(*a, *b) for a, b in pairwise(points))
     return total
 
 
@@ -206,7 +206,7 @@ def starts_fault(actors: Iterable[ActorPlan]) -> str | None:
         for other_x, other_y, other_reach in bodies[n + 1 :]:
             if other_x - x >= reach + _MAX_REACH:
                 break
-            pairs += math.dist((x, y), (other_x, other_y)) < reach + other_reach
+            pairs += exact.distance(x, y, other_x, other_y) < reach + other_reach
     if pairs <= MAX_TOUCHING:
         return None
     return f"{pairs:,} pairs of actors start on top of each other, and at most {MAX_TOUCHING:,} may"

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from recipe_compiler import limits
 from recipe_compiler.expand import Variant
-from recipe_compiler.ir import optics, plan_bounds
+from recipe_compiler.ir import exact, optics, plan_bounds
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.ir.rig.arm import history
 from recipe_compiler.library import towns
@@ -83,7 +83,7 @@ def _given_metres(actor: Actor) -> float:
     points = [p for p in (actor.start, *(actor.route or ()), actor.goal) if p is not None]
     if not actor.blueprint.startswith("vehicle."):
         return 0.0
-    return sum(math.dist((a.x, a.y), (b.x, b.y)) for a, b in pairwise(points))
+    return sum(exact.distance(a.x, a.y, b.x, b.y) for a, b in pairwise(points))
 
 
 class _ImageFilters(Protocol):

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
-from recipe_compiler.ir.patches import MAX_EMISSION, PatchMode
+from recipe_compiler.ir.patches import MAX_EMISSION, PatchMode, TransferMethod
 from recipe_compiler.schema.fields import NAME_LENGTH, ActorName, Colour, Metres, Model, Name, bounded
 from recipe_compiler.schema.scene import Board, Standing
 
@@ -92,6 +92,19 @@ class Texture(Model):
         return self
 
 
+class ColorTransfer(Model):
+    """How the colours of a texture are fitted to the picture, in mode color_transfer."""
+
+    method: Annotated[
+        TransferMethod,
+        Field(
+            description="dapricot: a matrix fitted to a chart of 24 colours, and the placeholder's brightness. "
+            "matrix: the same, with the brightness relative to what the matrix predicts. "
+            "armory: the placeholder's brightness. reap: one line per channel, fitted to the chart."
+        ),
+    ] = "dapricot"
+
+
 class Patch(Model):
     """A texture on a surface: opaque matt paper, unless it has gloss or emission."""
 
@@ -103,6 +116,9 @@ class Patch(Model):
             "digital, color_transfer: the placeholder, with the texture inserted into the finished picture."
         ),
     ] = "rendered"
+    color_transfer: Annotated[ColorTransfer, Field(description="The colour transform of mode color_transfer.")] = (
+        ColorTransfer()
+    )
     texture: Annotated[Texture | None, Field(description="What it shows; may be left out in mode green.")] = None
     gloss: Annotated[float, bounded(0, 1, "Gloss, 0 (matt) to 1 (a mirror).")] = 0.0
     emission: Annotated[

@@ -18,6 +18,7 @@ from recipe_compiler.ir.semantic_tags import Tag
 from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.records import LabelledFrame, LabelRecord
 
+_DEGREE = math.pi / 180.0
 TYPES: dict[int, str] = {
     Tag.PEDESTRIAN.value: "Pedestrian",
     Tag.CAR.value: "Car",
@@ -70,10 +71,10 @@ def _label(item: LabelRecord) -> str:
         TYPES.get(item["instance"] // 1000, "Misc"),
         _level(item["truncation"], 0.02, 0.5),
         _level(1.0 - item["visible_fraction"], 0.1, 0.5),
-        _text(math.radians(alpha)),
+        _text(alpha * _DEGREE),
         *(f"{value}.00" for value in (x0, y0, x0 + wide - 1, y0 + high - 1)),
         *(_text(value) for value in (height, width, length, x, y, z)),
-        _text(math.radians(turn)),
+        _text(turn * _DEGREE),
     ]
     return " ".join(map(str, fields))
 

@@ -6,11 +6,14 @@ each object selects its own. pycocotools packs the counts into COCO's text form.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 import pycocotools.mask
 from numpy.typing import NDArray
+
+from recipe_runtime.annotate.mots import runs_fill
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,20 @@ def masks(instance: NDArray[np.uint16]) -> list[Mask]:
         own = values == value
         found.append(_mask(int(value), starts[own], ends[own], height, width))
     return found
+
+
+def unpacked(counts: str, width: int, height: int) -> NDArray[np.uint8]:
+    """Return a mask, uint8 [H, W], 0 or 1, from its COCO code.
+
+    Raises:
+        ValueError: The code is not that of a mask of this size.
+    """
+    if not runs_fill(counts, width * height):
+        raise ValueError("its mask is damaged")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of numpy, caused by pycocotools
+        mask: NDArray[np.uint8] = pycocotools.mask.decode({"size": [height, width], "counts": counts.encode()})
+    return np.ascontiguousarray(mask)
 
 
 def _mask(value: int, starts: NDArray[np.int64], ends: NDArray[np.int64], height: int, width: int) -> Mask:

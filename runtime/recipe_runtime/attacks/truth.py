@@ -12,16 +12,17 @@ from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.patches import STATIC, PatchPlan
+from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plan_types import fixed
 
+from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.masks import Mask, masks
-from recipe_runtime.attacks import projection
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.transforms import Array, compose, part_transforms, sensor_transform
+from recipe_runtime.core.transforms import Array, sensor_transform
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.insertion import projection
 
 Corners = list[list[float]]
 
@@ -46,22 +47,13 @@ class PatchRecord(TypedDict):
     homography: list[list[float]] | None  # see `projection.homography`; None for a body that is covered whole
 
 
-class CameraRecord(TypedDict):
-    """The camera of a frame."""
-
-    width: int
-    height: int
-    intrinsics: list[list[float]]  # [3, 3] without the lens' distortion
-    lens_k: float  # distortion: see docs/recipe-language.md
-    lens_kcube: float
-    view_from_world: list[list[float]]  # [4, 4], x right, y down, z forward
-
-
 class FrameTruth(TypedDict):
     """The patches of one frame of one sensor."""
 
     frame: int
-    camera: CameraRecord
+    width: int
+    height: int
+    calibration: Calibration
     patches: list[PatchRecord]
 
 
@@ -76,7 +68,6 @@ class PatchAnnotator:
     def __init__(self, scene: ScenePlan, trace: Trace) -> None:
         self._trace = trace
         self._instances = {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}
-        self._parts = {name: number for number, name in enumerate(trace.parts)}
 
     def truth(
         self,
@@ -106,19 +97,18 @@ class PatchAnnotator:
             if patch.whole:
                 corners, matrix, amodal = _box_corners(mask), None, self._amodal(patch, seen, mask)
             else:
-                there = self._view_of(patch, view, frame)
+                there = projection.view_from_part(patch, self._trace, frame, view)
                 homography = projection.homography(patch.faces[0], camera, there)
                 corners, matrix = _corners(homography, camera), _rows(homography)
                 amodal = int(projection.covered_pixels(patch.faces[0], camera, there).sum())
             records.append(_record(patch, camera, frame, mask, depths, amodal, corners, matrix))
-        return {"frame": frame, "camera": _camera(camera, view), "patches": records}
-
-    def _view_of(self, patch: PatchPlan, view: Array, frame: int) -> Array:
-        """The transform [3, 4] of a rectangle's part into the view."""
-        part = patch.faces[0].part
-        if part == STATIC:
-            return view
-        return compose(view, part_transforms(self._trace, frame)[self._parts[f"{patch.body}/{part}"]])
+        return {
+            "frame": frame,
+            "width": camera.width,
+            "height": camera.height,
+            "calibration": calibration(camera, world_from_sensor),
+            "patches": records,
+        }
 
     def _amodal(self, patch: PatchPlan, seen: Observed, mask: Mask | None) -> int | None:
         """Pixels of a patch that covers a body whole, if nothing stood before the body; None for a prop.
@@ -198,17 +188,6 @@ def _pixels(corners: Corners, camera: CameraPlan) -> list[list[int]]:
 def _mean_depth(depths: NDArray[np.float32]) -> float:
     whole = np.rint(depths.astype(np.float64) * _GRID).astype(np.int64)
     return fixed(int(whole.sum()) / (_GRID * len(whole)))
-
-
-def _camera(camera: CameraPlan, view: Array) -> CameraRecord:
-    return {
-        "width": camera.width,
-        "height": camera.height,
-        "intrinsics": _rows(projection.intrinsics(camera)),
-        "lens_k": camera.lens_k,
-        "lens_kcube": camera.lens_kcube,
-        "view_from_world": [*_rows(view), [0.0, 0.0, 0.0, 1.0]],
-    }
 
 
 def patch_truth(

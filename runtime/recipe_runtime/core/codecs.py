@@ -76,7 +76,7 @@ def metres_from_carla(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 def npy(array: NDArray[np.generic]) -> bytes:
     """Encode an array in NumPy's file format 1.0, little-endian and C-order, independent of the NumPy version."""
-    plain = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+    plain = np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
     shape = "(" + "".join(f"{n}, " for n in plain.shape).rstrip(" ") + ")"
     head = f"{{'descr': '{plain.dtype.str}', 'fortran_order': False, 'shape': {shape}, }}".encode()
     head += b" " * (-(len(head) + 11) % 64) + b"\n"

@@ -14,20 +14,25 @@ STAGES: dict[str, int] = {"plan": 1, "simulate": 2, "observe": 1, "shade": 1, "e
 
 # Packages whose code affects a Trace, and those whose code affects a frame's record: a stage's and those below it.
 SIMULATION_PACKAGES = frozenset({"core", "body", "meshes", "simulation"})
-FRAME_PACKAGES = SIMULATION_PACKAGES | {"cache", "annotate", "render", "dataset", "frames", "build"}
+FRAME_PACKAGES = SIMULATION_PACKAGES | {
+    "cache", "annotate", "render", "insertion", "dataset", "frames", "attacks", "build"
+}  # fmt: skip
 
 _TOOLS = ("dataset-recipe", "astral", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang", "zlib-ng")
 
 
 def tool_versions() -> dict[str, str]:
     """The installed version of every package that bytes depend on."""
-    versions = {}
-    for tool in _TOOLS:
-        try:
-            versions[tool] = version(tool)
-        except PackageNotFoundError:
-            versions[tool] = "none"
-    return versions
+    return {tool: _installed(tool) for tool in _TOOLS}
+
+
+@cache
+def _installed(tool: str) -> str:
+    """Return the version of a package, read once per process: parsing its metadata takes 5 ms."""
+    try:
+        return version(tool)
+    except PackageNotFoundError:
+        return "none"
 
 
 @cache

@@ -102,6 +102,8 @@ def _layout(dataset: DatasetPlan) -> str:
         "- `<variant>/tracks.csv`: pose, lean, velocity and box of every actor at every frame, in the world: x, y "
         "on the ground, z up, metres and seconds; `events.csv`: collisions, lights, tracks that begin and end.",
     ]
+    if any(variant.appearance.patches for variant in dataset.variants):
+        lines.append("- `<variant>/<sensor>/patches/000000.json`: corners, mask, depth and homography of every patch.")
     described = {
         "kwcoco": f"- `{layout.KWCOCO}`: videos, tracks, boxes, masks, amodal boxes, 3-D boxes, distances.",
         "coco": "- `annotations/coco/rgb.json`: flat COCO; its paths are relative to this folder.",

@@ -52,6 +52,11 @@ class PatchRenderer(Protocol):
     def patch_map(self, obs: Any, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
 
+    def patched_frame(
+        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, neighbour: Any = None
+    ) -> Any:
+        """Return a frame that can be rendered with other textures; arguments are those of `SceneRenderer.shade`."""
+
 
 @dataclass(frozen=True)
 class Engines:

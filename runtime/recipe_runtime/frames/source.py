@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,10 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.engines import Engines, PatchRenderer, SceneRenderer, real_engines
 from recipe_runtime.frames.scene_motion import SceneMotion
+from recipe_runtime.insertion.inserter import Inserter
+
+if TYPE_CHECKING:
+    from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 
 _STREAM_BATCH = 512  # frames per batch of a frame stream
 
@@ -59,6 +63,7 @@ class SceneSource:
         self._motion = SceneMotion(scene, trace)
         self._renderer = renderer
         self._annotator: Annotator | None = None
+        self._inserter = Inserter(trace, self._engines.assets.image)
         self.use_streams = device != "cpu"  # whether concurrent frames are faster than single ones
         self._stream: tuple[str, Any] = "", None  # the stream used last, with its key
 
@@ -118,14 +123,31 @@ class SceneSource:
         return self.annotator.labels(seen, sensor.camera, pose, frame)
 
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[np.uint8]:
-        """Return the colour image of an observation, uint8 [H, W, 3] sRGB."""
-        time, response = frame / self.scene.clock.fps, appearance.responses.get(sensor.name)
+        """Return the colour image of an observation, with inserted textures, uint8 [H, W, 3] sRGB."""
+        return self._inserter.picture(_ObservedFrame(self, seen, sensor, frame), appearance, sensor, frame)
+
+    def shade_scene(
+        self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int
+    ) -> NDArray[np.uint8]:
+        """Return the colour image of an observation, without inserted textures, uint8 [H, W, 3] sRGB."""
+        time, blur = frame / self.scene.clock.fps, self._blur_from(appearance, sensor, frame)
         with self._discard_if_interrupted():
-            if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
-                return self.renderer.shade(seen, appearance, sensor.name, frame, time)
-            return self.renderer.shade(
-                seen, appearance, sensor.name, frame, time, neighbour=self._neighbour_frame(sensor, frame)
-            )
+            return self.renderer.shade(seen, appearance, sensor.name, frame, time, **blur)
+
+    def patched_frame(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> PatchedFrame:
+        """Return the frame of an observation for rendering with other textures on its patches."""
+        time, blur = frame / self.scene.clock.fps, self._blur_from(appearance, sensor, frame)
+        with self._discard_if_interrupted():
+            renderer = cast("PatchRenderer", self.renderer)
+            made: PatchedFrame = renderer.patched_frame(seen, appearance, sensor.name, frame, time, **blur)
+        return made
+
+    def _blur_from(self, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> dict[str, Any]:
+        """Return the neighbour that motion blur takes the motion from, as an argument; empty without motion blur."""
+        response = appearance.responses.get(sensor.name)
+        if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
+            return {}
+        return {"neighbour": self._neighbour_frame(sensor, frame)}
 
     def patch_map(self, seen: Observed, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
@@ -185,6 +207,22 @@ class SceneSource:
         other = frame - 1 if frame > 0 else 1
         pose = sensor_transform(sensor, self.trace, other)
         return NeighbourFrame(pose, self._motion.parts(other), 1.0 / self.scene.clock.fps)
+
+
+@dataclass(frozen=True)
+class _ObservedFrame:
+    """One frame of one sensor, for insertion; see `insertion.inserter.FrameRenderer`."""
+
+    source: SceneSource
+    seen: Observed
+    sensor: SensorPlan
+    frame: int
+
+    def picture(self, appearance: AppearancePlan) -> NDArray[np.uint8]:
+        return self.source.shade_scene(self.seen, appearance, self.sensor, self.frame)
+
+    def patch_map(self, appearance: AppearancePlan) -> NDArray[np.uint8]:
+        return self.source.patch_map(self.seen, appearance, self.frame)
 
 
 class FrameSource:

@@ -242,14 +242,14 @@ def _distinct(rows: NDArray[np.float32]) -> tuple[Index, Index]:
     mixed = keys * _MIX  # modulo 2^64
     mixed ^= mixed >> np.uint64(32)
     hashes = (mixed * _MIX).sum(axis=1, dtype=np.uint64)
-    order = np.argsort(hashes)
+    order = np.argsort(hashes, kind="stable")
     new = _changes(keys[order])
     if (new != _changes(hashes[order][:, None])).any():  # a hash collision
         order = np.lexsort(keys.T)
         new = _changes(keys[order])
     first = np.minimum.reduceat(order, np.flatnonzero(new))
     rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
+    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
     kind = np.empty(len(rows), np.int64)
     kind[order] = rank[np.cumsum(new) - 1]
     return np.sort(first), kind

@@ -62,7 +62,7 @@ def flatten(sheets: Sequence[Sheet]) -> Flat:
     groups, start, member = np.unique(
         sheet_of[kept] * len(surfaces) + codes[kept], return_index=True, return_inverse=True
     )
-    rank = np.argsort(start)  # groups in order of appearance
+    rank = np.argsort(start, kind="stable")  # groups in order of appearance
     place = np.empty_like(rank)
     place[rank] = np.arange(len(rank))
     kept = kept[np.argsort(place[member.reshape(-1)], kind="stable")]

@@ -21,10 +21,11 @@ from recipe_runtime.render.gpu.frame_stream import FrameStream
 from recipe_runtime.render.lighting.shading import ShadingPass
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer
+from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.sampling.sampler import Sampler
 from recipe_runtime.render.scene.geometry import upload
 from recipe_runtime.render.shadows.shadow_maps import ShadowMaps
-from recipe_runtime.render.texture.mipmaps import ImageAtlases, Images
+from recipe_runtime.render.texture.mipmaps import ImageAtlases, Images, no_images
 
 
 class Renderer:
@@ -45,6 +46,7 @@ class Renderer:
         self._atlases = ImageAtlases(self._geometry, images, device)
         sampler = Sampler(self._geometry, self._observer, device, self.timings, reuse)
         shading = ShadingPass(self._geometry, self._atlases, device, self.timings, reuse)
+        self._images = images or no_images
         self._camera = CameraPass(self._geometry, self._observer, sampler, shading, device, self.timings, reuse)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
@@ -74,6 +76,20 @@ class Renderer:
     def patch_map(self, obs: Observation, appearance: AppearancePlan, frame: int = 0) -> NDArray[np.uint8]:
         """1 + the number of the topmost patch at each pixel's centre, uint8 [H, W]; 0 where there is none."""
         return self._camera.patch_map(obs, appearance, frame)
+
+    def patched_frame(
+        self,
+        obs: Observation,
+        appearance: AppearancePlan,
+        sensor_name: str,
+        frame: int,
+        time: float,
+        *,
+        neighbour: NeighbourFrame | None = None,
+    ) -> PatchedFrame:
+        """Return the frame for rendering with other textures on its patches; arguments are those of `shade`."""
+        which = obs, appearance, sensor_name, frame, time, neighbour
+        return PatchedFrame(self._camera, self._images, *which, self._device)
 
     def frame_stream(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int = 16

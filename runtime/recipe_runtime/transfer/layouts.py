@@ -1,8 +1,9 @@
-"""Exports a dataset in the layout of a tracking benchmark: MOTSChallenge's or KITTI's.
+"""Exports a dataset in the layout of a benchmark: MOTSChallenge's, KITTI's or Armory's.
 
     mots:  MOTS-train/<sequence>/gt/gt.txt, seqinfo.ini, img1/000001.png; seqmaps/MOTS-train.txt
     kitti: training/label_02/0000.txt, calib/0000.txt, poses/0000.txt, image_02/0000/000000.png,
            evaluate_tracking.seqmap.training; mots/label_02/0000.txt, evaluate_mots.seqmap.training; sequences.csv
+    armory: see `transfer.armory`
     index.json: the dataset's identity, the layout, and size and SHA-256 of every file
 
 Equal datasets give equal exports. Labels and pictures are compared with the manifest while they are read, so damaged
@@ -15,27 +16,25 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypedDict, cast
 
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError
-from recipe_compiler.ir.plan import ScenarioPlan, SensorPlan
 
 from recipe_runtime.annotate import kitti
 from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
-from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
-from recipe_runtime.dataset.reader import Dataset, labels
+from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
+from recipe_runtime.transfer import armory
 from recipe_runtime.transfer.export_folder import MARKER, is_empty, remove, work_folder
-from recipe_runtime.transfer.shards import damaged_file, picture_file
+from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 
-Layout = Literal["mots", "kitti"]
+Layout = Literal["mots", "kitti", "armory"]
 INDEX = "index.json"
 _FORMAT = "recipe/layout/1"
 _LONGEST_INDEX = 256 << 20  # bytes
@@ -49,38 +48,6 @@ class LayoutIndex(TypedDict):
     dataset: str
     layout: str
     files: dict[str, list[int | str]]
-
-
-@dataclass(frozen=True)
-class _Sequence:
-    """One sensor of one variant."""
-
-    dataset: Dataset
-    variant: ScenarioPlan
-    sensor: SensorPlan
-    number: int
-
-    @property
-    def frames(self) -> range:
-        """The frames that the sensor takes."""
-        return self.sensor.frames(self.variant.scene.clock.frames)
-
-    def labels(self) -> Iterator[LabelledFrame]:
-        """Yield the labels of its frames."""
-        try:
-            yield from labels(self.dataset, self.variant, self.sensor)
-        except (ValueError, OSError) as error:
-            path = layout.labels_file(self.variant.variant, self.sensor.name)
-            raise damaged_file(self.dataset, f"{path}: {error}") from None
-
-    def pictures(self) -> Iterator[tuple[int, bytes]]:
-        """Yield its RGB pictures, if it captures any."""
-        for frame in self.frames if "rgb" in self.sensor.capture else ():
-            path = layout.frame_file(self.variant.variant, self.sensor.name, "rgb", frame, self.dataset.plan.depth)
-            yield frame, picture_file(self.dataset, path, self.sensor)
-
-
-Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
 
 
 def export_layout(
@@ -105,9 +72,11 @@ def export_layout(
         return known
     _check_replaceable(out, known, replace=replace)
     sequences = [
-        _Sequence(dataset, variant, sensor, number)
+        ExportSequence(dataset, variant, sensor, number)
         for number, (variant, sensor) in enumerate((v, s) for v in dataset.plan.variants for s in v.rig.sensors)
     ]
+    if form == "armory":
+        armory.check_patches(dataset)
     entries = _LAYOUTS[form]
     with host_errors(str(out), _REMEDY), work_folder(out, lambda _: True) as work:
         files: dict[str, list[int | str]] = {}
@@ -130,7 +99,7 @@ def export_layout(
     return index
 
 
-def _mots(sequence: _Sequence) -> Iterator[Entry]:
+def _mots(sequence: ExportSequence) -> Iterator[Entry]:
     camera, clock = sequence.sensor.camera, sequence.variant.scene.clock
     name = layout.sequence(sequence.variant.variant, sequence.sensor.name)
     folder = f"{layout.MOTS_SPLIT}/{name}"
@@ -141,12 +110,12 @@ def _mots(sequence: _Sequence) -> Iterator[Entry]:
         yield f"{folder}/img1/{frame + 1:06d}.png", picture
 
 
-def _mots_lists(sequences: list[_Sequence]) -> Iterator[Entry]:
+def _mots_lists(sequences: list[ExportSequence]) -> Iterator[Entry]:
     names = [layout.sequence(s.variant.variant, s.sensor.name) for s in sequences]
     yield f"seqmaps/{layout.MOTS_SPLIT}.txt", [seqmap(names)]
 
 
-def _kitti(sequence: _Sequence) -> Iterator[Entry]:
+def _kitti(sequence: ExportSequence) -> Iterator[Entry]:
     camera, name = sequence.sensor.camera, f"{sequence.number:04d}"
     yield f"training/label_02/{name}.txt", kitti.label_lines(sequence.labels())
     first = next(sequence.labels(), None)
@@ -158,7 +127,7 @@ def _kitti(sequence: _Sequence) -> Iterator[Entry]:
         yield f"training/image_02/{name}/{frame:06d}.png", picture
 
 
-def _kitti_lists(sequences: list[_Sequence]) -> Iterator[Entry]:
+def _kitti_lists(sequences: list[ExportSequence]) -> Iterator[Entry]:
     """Yield the lists of sequences. The third number is a length in one of them and the last frame in the other."""
     lengths = [(f"{s.number:04d}", _length(s)) for s in sequences]
     tracking = [f"{name} empty 000000 {length:06d}\n" for name, length in lengths]
@@ -168,13 +137,21 @@ def _kitti_lists(sequences: list[_Sequence]) -> Iterator[Entry]:
     yield "sequences.csv", ["sequence,variant,sensor\n", *rows]
 
 
-def _length(sequence: _Sequence) -> int:
+def _length(sequence: ExportSequence) -> int:
     """Return the number of frames from the first to the last that the sensor takes."""
     return sequence.frames[-1] + 1
 
 
-_LAYOUTS: dict[Layout, Callable[[_Sequence], Iterator[Entry]]] = {"mots": _mots, "kitti": _kitti}
-_LISTS: dict[Layout, Callable[[list[_Sequence]], Iterator[Entry]]] = {"mots": _mots_lists, "kitti": _kitti_lists}
+_LAYOUTS: dict[Layout, Callable[[ExportSequence], Iterator[Entry]]] = {
+    "mots": _mots,
+    "kitti": _kitti,
+    "armory": armory.sequence_files,
+}
+_LISTS: dict[Layout, Callable[[list[ExportSequence]], Iterator[Entry]]] = {
+    "mots": _mots_lists,
+    "kitti": _kitti_lists,
+    "armory": armory.annotation_files,
+}
 
 
 def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, list[int | str]]:
@@ -207,7 +184,7 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
 
 def _entries(out: Path) -> set[str]:
     """Return the paths of everything in a folder but plain folders."""
-    return {p.relative_to(out).as_posix() for p in out.rglob("*") if not is_folder(p)}
+    return {p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if not is_folder(p)}
 
 
 def _index_of(out: Path) -> LayoutIndex | None:

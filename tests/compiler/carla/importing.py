@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +19,7 @@ TOGETHER = {"paper": PAPER, "oscar": OSCAR, **{path.stem: (path,) for path in SI
 """The files of each import of the tests, by name."""
 
 
+@functools.cache
 def import_files(*paths: Path, town: str | None = None) -> tuple[Imported, ...]:
     """The imports of files; their paths in reports are their names."""
     return imported([File(path.name, path.read_bytes()) for path in paths], town=town)

@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from recipe_compiler.carla import File, imported
 from recipe_compiler.carla.catalogue import blueprints as catalogue
 from recipe_compiler.carla.catalogue import towns
 from recipe_compiler.carla.placement import Point, Site
@@ -54,6 +55,46 @@ def test_a_sensor_on_a_vehicle_is_carried(attachment: str, tmp_path: Path) -> No
     plan = plan_of(text, tmp_path)
     assert plan.rig.sensors[0].on == "car"
     assert (plan.rig.sensors[0].arm is None) == (attachment == "rigid")
+
+
+@pytest.mark.parametrize("form", ["weather: {}", "context: {{weather_params: {}}}", "weather_params: {}", "{}"])
+def test_a_file_of_weather_is_a_variant_in_every_form(form: str, tmp_path: Path) -> None:
+    text = HEAD + "  - blueprint: {name: sensor.camera.rgb}\nweather: {cloudiness: 40, wetness: 5}\n"
+    one = import_text(text, form.format("{wetness: 70, fog_density: 8}"))
+    own, other = compiled(one, tmp_path).plan.variants
+    assert (own.variant, other.variant) == ("weather=config", "weather=weather0")
+    assert (own.appearance.weather.wetness, own.appearance.weather.cloudiness) == (5, 40)
+    assert (other.appearance.weather.wetness, other.appearance.weather.fog_density) == (70, 8)
+    assert other.appearance.weather.cloudiness == 40  # a file that lacks a key has the configuration's value
+
+
+def test_without_its_own_weather_a_configuration_has_those_of_the_files(tmp_path: Path) -> None:
+    text = HEAD + "  - blueprint: {name: sensor.camera.rgb}\n"
+    one = import_text(text, "weather: {wetness: 1}", "weather: {wetness: 2}")
+    assert [plan.appearance.weather.wetness for plan in compiled(one, tmp_path).plan.variants] == [1, 2]
+
+
+def test_oscars_files_are_sorted_by_what_they_hold(tmp_path: Path) -> None:
+    """Its collector.yaml has no actors of its own, and the file of a Hydra group lacks the name of the group."""
+    collector = "defaults: [_self_]\nmax_frames: ???\nactors: {}\nspawn_actors: ${oc.dict.values:actors}\n"
+    context = "sync_params: {fps: 12}\nclient_params: {seed: 5}\n"
+    scene = "max_frames: 2\nactors: {eye: {_target_: a.Camera, modalities: [rgb]}}\n"
+    files = [File(f"{number}.yaml", text.encode()) for number, text in enumerate((collector, context, scene))]
+    (one,) = imported(files)
+    (plan,) = compiled(one, tmp_path).plan.variants
+    assert (one.name, plan.scene.clock.fps, plan.scene.clock.frames, plan.appearance.seed) == ("2", 12, 2, 5)
+    assert {(row.place.file, row.key) for row in one.report.rows} >= {
+        ("0.yaml", "max_frames"),
+        ("0.yaml", "spawn_actors"),
+        ("1.yaml", "context.sync_params.fps"),
+        ("2.yaml", "actors.eye.modalities[0]"),
+    }
+
+
+def test_two_configurations_are_two_recipes() -> None:
+    first, second = import_files(CONFIGS / "tracking.yaml", CONFIGS / "two_rigs.yaml")
+    assert (first.name, second.name) == ("tracking", "two_rigs")
+    assert {row.place.file for row in first.report.rows} == {"tracking.yaml"}
 
 
 def test_a_slow_sensor_takes_fewer_pictures(tmp_path: Path) -> None:
@@ -156,6 +197,14 @@ def test_actors_start_where_they_can_stand() -> None:
     solid = next(e for e in site.town.plan.elements if e.kind == "building")
     inside = (solid.pose.x, solid.pose.y)
     assert site.town.obstacles.at(*site.free(*inside, vehicle=False)) is None
+
+
+def test_a_moving_sensor_passes_through_no_building(tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "mobile_sensors.yaml")
+    (plan,) = compiled(one, tmp_path).plan.variants
+    poses, obstacles = plan.rig.sensors[0].poses, Site("downtown").town.obstacles
+    across = obstacles.across((poses[0].x, poses[0].y, poses[-1].x, poses[-1].y), 0.0)
+    assert not [each.name for each in across if each.kind == "building"]
 
 
 def test_all_positions_are_moved_by_one_vector(tmp_path: Path) -> None:

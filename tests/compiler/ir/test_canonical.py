@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import rfc8785
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.canonical import JsonValue, canonical_bytes, digest, digest_array, pretty
 from recipe_compiler.ir.plan import TownPlan
@@ -38,10 +38,21 @@ def test_what_has_no_canonical_form_is_refused(bad: JsonValue) -> None:
         canonical_bytes(bad)
 
 
-@pytest.mark.slow
-@given(st.recursive(JSON | st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0), st.lists))
+FLOATS = st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0)
+
+
+@settings(max_examples=50)
+@given(st.recursive(JSON | FLOATS, st.lists, max_leaves=12))
 def test_the_quick_way_writes_what_rfc_8785_says(value: JsonValue) -> None:
     assert canonical_bytes(value) == rfc8785.dumps(value)  # type: ignore[arg-type]  # its own recursive type
+
+
+@given(st.lists(FLOATS | st.floats(-1e17, 1e17).map(lambda x: x + 0.0), min_size=1, max_size=20))
+@example([1e16, 1e15, 9999999999999998.0, 1e-4, 9.999999999999999e-05, 123456789.0, 0.1, 0.0])
+def test_numbers_of_any_size_are_written_as_rfc_8785_says(values: list[float]) -> None:
+    """With and without an exponent, on both sides of the limits where Python begins to write one."""
+    for value in (*values, *(-v for v in values if v)):
+        assert canonical_bytes(value) == rfc8785.dumps(value)
 
 
 def test_keys_are_sorted_by_utf_16_and_types_are_kept_apart() -> None:

@@ -132,6 +132,14 @@ def test_the_placeholder_is_green(tmp_path: Path, mode: str) -> None:
         ({"on": {**WALL, "at": {"z": 9}}, "texture": RED}, ["z = 9 m is not on the front of wall.0", "z from 0.25 to"]),
         ({"on": {"town": "wall.0"}, "texture": RED}, ["needs a size", "at most"]),
         ({"on": {"actor": "hero1", "size": SIZE}, "texture": RED}, ["shirt is covered whole", "name another surface"]),
+        (
+            {"on": {"actor": "hero1"}, "mode": "digital", "texture": RED},
+            ["poster.mode: digital needs a rectangle; shirt is covered whole", "mode: rendered"],
+        ),
+        (
+            {"on": WALL, "texture": RED, "color_transfer": {"method": "reinhard"}},
+            ["color_transfer.method", "dapricot"],
+        ),
         ({"on": {**WALL, "actor": "hero1"}, "texture": RED}, ["one of `town`, `actor`, `prop` or `board`"]),
         ({"on": {"board": {"x": 0, "y": 0}}, "texture": RED}, ["a board has the patch's size"]),
         ({"on": WALL}, ["needs a `texture`"]),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pycocotools.mask
@@ -14,14 +16,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir import optics
-from recipe_compiler.ir.patches import STATIC, PatchFace
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.patches import STATIC, PatchFace, PatchTexture
 from recipe_compiler.ir.plan import CameraPlan, Pose
-from recipe_runtime.attacks import projection
 from recipe_runtime.attacks.truth import FrameTruth
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.dataset import reader
+from recipe_runtime.dataset.limits import check_bounds
+from recipe_runtime.insertion import projection
 from recipe_runtime.loading import opened
 from recipe_runtime.verify.verify import Options, verify_files
 
@@ -195,9 +199,67 @@ def test_what_is_seen_lies_within_the_corners_also_through_a_lens(recipe: Path) 
         for sensor in scene.plan.rig.sensors:
             truth = scene.patches(0, sensor.name)
             patch = scene.plan.appearance.patches[0]
-            view = np.array(truth["camera"]["view_from_world"])[:3]
+            view = np.array(truth["calibration"]["world_to_camera"])[:3]
             covered = projection.covered_pixels(patch.faces[0], sensor.camera, view)
             rows = {"size": list(covered.shape), "counts": str(truth["patches"][0]["counts"]).encode()}
             shown = pycocotools.mask.decode(rows).astype(bool)
             assert (shown & ~covered).sum() <= 0.02 * shown.sum()
             assert truth["patches"][0]["amodal_area"] == max(int(covered.sum()), int(shown.sum()))
+
+
+def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe: Path, tmp_path: Path) -> None:
+    """An earlier dataset is taken over by appearance, also for a sensor without a picture."""
+    out, cache = tmp_path / "out", recipe.parent / "cache"
+    text = recipe.read_text()
+    plan, engines = opened(recipe)
+    build(plan, out, engines=engines, cache=cache)
+    before = {name: (out / layout.patches_file("weather=clear", name, 2)).read_bytes() for name in ("street", "bent")}
+    other = recipe.parent / "other.yaml"
+    changed = '{clear: {}, red: {patches: {paint: {texture: {color: "#ff0000"}}}}}'
+    other.write_text(text.replace("{clear: {}, rainy: {weather: HardRainNoon}}", changed))
+    plan, engines = opened(other)
+    done = build(plan, out, engines=engines, cache=cache, replace=True)
+    assert done.taken_frames > 0
+    for name, body in before.items():
+        assert (out / layout.patches_file("weather=clear", name, 2)).read_bytes() == body
+        colours = [p["texture"] for p in truth_of(out, "weather=red", name, 2)["patches"]]
+        assert "#ff0000" in colours and "#ff00ff" not in colours
+    assert verify_files(reader.read(out), Options(nonce=1), lambda *_: None).document()["verdict"] == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"body": "nobody"}, "there is no 'nobody'"),
+        ({"faces": (FACE.model_copy(update={"part": "chassis"}),)}, "parts that 'wall.1' does not have"),
+        ({"faces": (FACE.model_copy(update={"right": (0.0, -0.5, 0.0)}),)}, "not a rectangle"),
+        ({"faces": (FACE.model_copy(update={"region": (0.5, 0.0, 0.5, 1.0)}),)}, "nothing of the texture"),
+        ({"texture": PatchTexture()}, "not one of an image, a sequence and a colour"),
+        ({"name": "paint"}, "two patches have one name"),
+    ],
+)
+def test_a_forged_plan_is_refused(recipe: Path, change: dict[str, Any], words: str) -> None:
+    """A dataset's plan may have been written by anyone."""
+    plan, _ = opened(recipe)
+    first = plan.variants[0]
+    patches = (first.appearance.patches[0].model_copy(update=change), *first.appearance.patches[1:])
+    forged = first.model_copy(update={"appearance": first.appearance.model_copy(update={"patches": patches})})
+    with pytest.raises(InputError, match=re.escape(words)):
+        check_bounds(plan.model_copy(update={"variants": (forged,)}))
+
+
+def test_the_mask_is_the_geometric_one_without_what_stands_before_it(recipe: Path) -> None:
+    """By depth: a pixel shows the patch where the picture is as deep as its plane."""
+    with recipe_runtime.open(recipe, variant="weather=clear") as scene:
+        sensor = scene.plan.rig.sensors[0]
+        patch, truth = scene.plan.appearance.patches[0], scene.patches(1, "street")
+        view = np.array(truth["calibration"]["world_to_camera"])[:3]
+        back = projection.inverse(projection.homography(patch.faces[0], sensor.camera, view))
+        rows, columns = np.mgrid[0:120, 0:160] + 0.5
+        plane = 1.0 / (back[2, 0] * columns + back[2, 1] * rows + back[2, 2])
+        covered = projection.covered_pixels(patch.faces[0], sensor.camera, view)
+        free = np.abs(scene.render(1, "street", "depth") - plane) < 0.02
+        record = truth["patches"][0]
+        mask = pycocotools.mask.decode({"size": [120, 160], "counts": str(record["counts"]).encode()}).astype(bool)
+        assert (covered & ~free).sum() > 4, "something stands before it"
+        assert (mask != (covered & free)).sum() <= 0.01 * mask.sum()

@@ -79,12 +79,10 @@ def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> Manifest:
 @pytest.mark.slow
 def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: Manifest) -> None:
     variants = built["variants"]
-    wanted = [
-        (variant, sensor, frame)
-        for frame in ((3, 0) if len(variants) > 1 else (5, 0, 2))
-        for variant in reversed(built["order"])
-        for sensor in reversed(variants[variant]["frames"])
-    ]
+    views = [(v, sensor) for v in reversed(built["order"]) for sensor in reversed(variants[v]["frames"])]
+    some = [(3, 0)[n % 4 // 2] for n in range(len(views))] if len(variants) > 1 else [5, 5]  # both sensors at each
+    wanted = [(*view, frame) for view, frame in zip(views, some, strict=True)]
+    wanted += [(*view, 0) for view in views if len(variants) == 1]
     done = subprocess.run(
         [sys.executable, "-c", _ALONE],
         input=json.dumps([str(recipe), wanted]),

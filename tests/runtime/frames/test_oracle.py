@@ -20,7 +20,7 @@ from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.render.raster.observation import FrameLabels
 from recipe_runtime.simulation.process import simulate
 
-from tests.runtime.oracle_tiny import tiny_render
+from tests.runtime.oracle_tiny import TinyView, tiny_render
 from tests.sources import ROOT
 
 LARGE = 1000  # pixels from which a mask is judged alone
@@ -66,63 +66,70 @@ base:
 """
 
 
-SOURCES: dict[str, SceneSource] = {}  # by the scene's digest
+LISTING_FRAMES = {97: {"hero2"}, 150: {"hero1", "hero2"}, 203: {"hero1", "hero2"}}
+
+# Sensor, frame, the objects of many pixels, and those in view that are partly behind others.
+STREET_VIEWS: list[tuple[str, int, set[str], set[str]]] = [
+    ("across", 0, {"bus", "van", "near"}, set()),
+    ("across", 12, {"bus", "van", "near"}, {"far"}),
+    ("kerb", 1, {"sedan", "van"}, set()),
+    ("flying", 3, {"bus", "van", "near"}, {"sedan"}),
+    ("flying", 11, {"bus", "van"}, {"sedan"}),
+    ("dash", 8, {"bus", "van", "sedan", "far"}, {"bus"}),
+]
 
 
-def source(scenario: ScenarioPlan) -> SceneSource:
-    scene = scenario.scene
-    if scene.digest not in SOURCES:
-        SOURCES[scene.digest] = SceneSource(scene, simulate(scene))
-    return SOURCES[scene.digest]
+class Witnessed:
+    """A scene, and what TinyRenderer sees of it: all views drawn by one process."""
+
+    def __init__(self, scenario: ScenarioPlan, wanted: list[tuple[str, int]]) -> None:
+        scene = scenario.scene
+        self.source = SceneSource(scene, simulate(scene))
+        self.sensors = {sensor.name: sensor for sensor in scenario.rig.sensors}
+        self.names = {actor.tag * 1000 + actor.instance: actor.name for actor in scene.actors}
+        trace = self.source.trace
+        views = [
+            TinyView(frame, self.sensors[name].camera, sensor_transform(self.sensors[name], trace, frame))
+            for name, frame in wanted
+        ]
+        self.theirs = dict(zip(wanted, tiny_render(scene, trace, views, within=2000.0), strict=True))
 
 
 @pytest.fixture(scope="module")
-def listing() -> ScenarioPlan:
+def listing() -> Witnessed:
     """The paper's listing, as it is."""
-    return compile_recipe(ROOT / "recipes" / "paper" / "two_pedestrians.yaml").plan.variants[0]
+    plan = compile_recipe(ROOT / "recipes" / "paper" / "two_pedestrians.yaml").plan.variants[0]
+    return Witnessed(plan, [("street", frame) for frame in LISTING_FRAMES])
 
 
 @pytest.fixture(scope="module")
-def street(tmp_path_factory: pytest.TempPathFactory) -> ScenarioPlan:
+def street(tmp_path_factory: pytest.TempPathFactory) -> Witnessed:
     path = tmp_path_factory.mktemp("oracle") / "recipe.yaml"
     path.write_text(STREET)
-    return compile_recipe(path).plan.variants[0]
+    views = [(sensor, frame) for sensor, frame, _, _ in STREET_VIEWS]
+    return Witnessed(compile_recipe(path).plan.variants[0], views)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("frame", [97, 150, 203])
-def test_the_papers_listing(listing: ScenarioPlan, frame: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("frame", LISTING_FRAMES)
+def test_the_papers_listing(listing: Witnessed, frame: int, tmp_path: Path) -> None:
     large, _ = judge(listing, "street", frame, tmp_path)
-    assert large == ({"hero2"} if frame == 97 else {"hero1", "hero2"})
+    assert large == LISTING_FRAMES[frame]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sensor", "frame", "large", "hidden"),
-    [
-        ("across", 0, {"bus", "van", "near"}, set()),
-        ("across", 12, {"bus", "van", "near"}, {"far"}),
-        ("kerb", 1, {"sedan", "van"}, set()),
-        ("flying", 3, {"bus", "van", "near"}, {"sedan"}),
-        ("flying", 11, {"bus", "van"}, {"sedan"}),
-        ("dash", 8, {"bus", "van", "sedan", "far"}, {"bus"}),
-    ],
-)
+@pytest.mark.parametrize(("sensor", "frame", "large", "hidden"), STREET_VIEWS)
 def test_vehicles_and_what_hides_them(
-    street: ScenarioPlan, sensor: str, frame: int, large: set[str], hidden: set[str], tmp_path: Path
+    street: Witnessed, sensor: str, frame: int, large: set[str], hidden: set[str], tmp_path: Path
 ) -> None:
     """`hidden` are in view and partly behind each other."""
     assert judge(street, sensor, frame, tmp_path) == (large, hidden)
 
 
-def judge(scenario: ScenarioPlan, sensor: str, frame: int, folder: Path) -> tuple[set[str], set[str]]:
-    """Hold masks and depth of a frame against the witness; which objects were large, and which partly hidden."""
-    ours = source(scenario)
-    plan = next(s for s in scenario.rig.sensors if s.name == sensor)
-    seen = ours.observe(plan, frame)
-    pose = sensor_transform(plan, ours.trace, frame)
-    theirs = tiny_render(scenario.scene, ours.trace, frame, plan.camera, pose, within=2000.0)
-    names = {actor.tag * 1000 + actor.instance: actor.name for actor in scenario.scene.actors}
+def judge(scene: Witnessed, sensor: str, frame: int, folder: Path) -> tuple[set[str], set[str]]:
+    """Compare masks and depth of a frame with TinyRenderer's; which objects were large, and which partly hidden."""
+    seen = scene.source.observe(scene.sensors[sensor], frame)
+    theirs, names = scene.theirs[sensor, frame], scene.names
     masks = {names[int(i)]: (seen.instance == i, theirs["instance"] == i) for i in np.unique(seen.instance) if i}
     overlaps = {name: overlap(a, b) for name, (a, b) in masks.items() if max(a.sum(), b.sum()) > LARGE}
     gaps = np.abs(1.0 / seen.depth.astype(float) - 1.0 / theirs["depth"])[inner(seen.instance, seen.depth)]

@@ -49,7 +49,7 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
         light = []
         for altitude in HOURS:
             told = {"weather": given, "sun": Sun(azimuth=30.0, altitude=altitude), "responses": calm}
-            look = type(variant.appearance).model_validate(variant.appearance.model_dump() | told)
+            look = variant.appearance.model_copy(update=told)
             light.append(float(renderer.shade(seen, look, sensor.name, 0, 0.0).mean()))
         assert all(later <= earlier + STEP for earlier, later in pairwise(light)), (name, light)
         assert all(value <= min(light[: n + 1]) + RISE for n, value in enumerate(light)), (name, light)

@@ -12,10 +12,10 @@ LAYERS = (
     {"numeric", "scene"},
     {"raster", "texture"},
     {"sampling"},
-    {"atmosphere", "shadows"},
+    {"atmosphere", "patches", "shadows"},
     {"lighting"},
     {"camera"},
-    {"gpu"},
+    {"gpu", "retexture"},
     {"renderer"},
 )
 LEVEL = {package: level for level, packages in enumerate(LAYERS) for package in packages}

@@ -288,3 +288,22 @@ def test_an_image_that_nobody_reads_is_an_error() -> None:
     with pytest.raises(ValueError, match="no reader"):
         renderer.shade(seen, plan, "street", 0, 0.0)
     assert TexturePlan(file=file_of(noise(2, 2))).number is None
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("weather", WEATHERS)
+def test_a_gpu_shows_the_same_bytes(weather: str) -> None:
+    """Of an image on a wall, and of paint on a moving car; the mask too."""
+    image = noise(24, 32)
+    images = {file_of(image).sha256: image}
+    paint = FACE.model_copy(update={"part": "body", "corner": (2.0, -0.6, 1.2), "right": (0.0, 1.0, 0.0), "reach": 9.0})
+    texture = PatchTexture(image=file_of(image))
+    patches = patch(texture, gloss=0.4), patch(texture, "car", (paint,), whole=True, slots=("paint",), emission=90.0)
+    plan = with_patches(WEATHERS[weather], *patches)
+    shown = []
+    for device in ("cpu", "cuda:0"):
+        scene = Scene(images, device=device)
+        seen = scene.see(frame=3)
+        shown.append((scene.show(seen, plan, 3), scene.renderer.patch_map(seen, plan)))
+    np.testing.assert_array_equal(shown[0][0], shown[1][0])
+    np.testing.assert_array_equal(shown[0][1], shown[1][1])

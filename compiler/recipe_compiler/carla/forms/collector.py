@@ -104,7 +104,7 @@ def ignore(reader: Reader, node: Node, name_node: Node, name: str) -> None:
         reader.refuse(name_node, f"{show(name)} is no blueprint of CARLA's", remedy, Code.UNKNOWN_NAME)
         return
     if family == "sensor":
-        why = f"recipes have no {show(name)}; they have cameras for {', '.join(sorted(MODALITIES))}"
+        why = f"recipes have no {show(name)}, but the cameras {', '.join(sorted(MODALITIES))}"
     else:
-        why = f"recipes have no {show(name)}, neither has the collector any use for it"
+        why = f"recipes have nothing like {show(name)}"
     reader.ledger.ignored(node, why)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from recipe_compiler.ir.plan_types import MAX_FRAMES, Colour, FilePlan, Metres, Name, Number, Plan, Share, Slot
 
 PatchMode = Literal["green", "rendered", "digital", "color_transfer"]
+TransferMethod = Literal["dapricot", "matrix", "armory", "reap"]
+INSERTED: tuple[PatchMode, ...] = ("digital", "color_transfer")  # modes that insert the texture into the picture
 GREEN = "#00903a"  # the placeholder colour
 STATIC = "static"  # the part of a body that does not move; its frame is the world's
 MAX_PATCHES, MAX_FACES, MAX_PATCH_SLOTS = 64, 64, 64
@@ -80,9 +82,23 @@ class PatchPlan(Plan):
     faces: Annotated[tuple[PatchFace, ...], Field(min_length=1, max_length=MAX_FACES)]
     whole: bool = False  # covers its slots whole, by the faces' projections; else one face, a rectangle
     mode: PatchMode = "rendered"
+    transfer: TransferMethod | None = None  # of the colour transform, in mode color_transfer
     texture: PatchTexture
     gloss: Share = 0.0  # 0 matt, 1 a mirror
     emission: Annotated[Number, Field(ge=0, le=MAX_EMISSION)] = 0.0  # luminance of a white texel, cd/m2
+
+    @model_validator(mode="after")
+    def _insertion(self) -> PatchPlan:
+        if self.mode in INSERTED and self.whole:
+            raise ValueError("a texture that covers a body whole cannot be inserted into the picture")
+        if (self.mode == "color_transfer") != (self.transfer is not None):
+            raise ValueError("the mode color_transfer has a transfer method, and no other mode has")
+        return self
+
+    @property
+    def inserted(self) -> bool:
+        """Whether its texture is inserted into the finished picture."""
+        return self.mode in INSERTED
 
     @property
     def shown(self) -> PatchTexture:

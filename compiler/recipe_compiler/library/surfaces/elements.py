@@ -17,6 +17,7 @@ from recipe_compiler.library.surfaces.surface import FlatSurface, Range, Surface
 
 _NEAR = 0.02  # metres from a wall's plane within which it shows a patch
 _THIN = 0.005  # of a board, which shows nothing on its other side
+_CLOSE_BOARDS = 2  # style of a fence
 _LAYERS = 0.03  # of a road, whose markings and mends lie in layers
 _FRONT = (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)  # right and down, seen from +x
 _BACK = (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
@@ -107,6 +108,34 @@ def _building(e: Element) -> list[_Rectangle]:
     return [_Rectangle("back", "back", (-depth, 0.0, 0.0), _about(width), (0.0, height))]
 
 
+def _house(e: Element) -> list[_Rectangle]:
+    """The garage door, if there is one."""
+    _, width, _ = e.size
+    y0, y1 = -width / 2 + 0.5, -width / 2 + min(3.2, 0.5 * width)
+    door = _Rectangle("garage", "front", (-0.2, (y0 + y1) / 2, 0.0), _about(y1 - y0), (0.0, 2.2))
+    return [door] if e.shape["garage"] else []
+
+
+def _fence(e: Element) -> list[_Rectangle]:
+    """Close boards, every other one of which lies 2 cm deeper; posts stand out of them."""
+    thick, length, height = e.size
+    middle, z = 0.15 * thick, (0.05, height - 0.06)
+    if e.shape["style"] != _CLOSE_BOARDS:
+        return []
+    return [
+        _Rectangle("front", "front", (middle, 0.0, 0.0), _about(length), z),
+        _Rectangle("back", "back", (-middle, 0.0, 0.0), _about(length), z),
+    ]
+
+
+def _gantry(e: Element) -> list[_Rectangle]:
+    """The board over each lane, from the left."""
+    depth, _, height = e.size
+    x, half, z = depth / 2 + 0.072, (e.shape["lane"] - 0.25) / 2, (height - 2.0, height + 0.4)
+    middles = [e.shape["first"] + n * e.shape["lane"] for n in range(int(e.shape["lanes"]))]
+    return [_Rectangle(f"board{n}", "front", (x, y, 0.0), (-half, half), z) for n, y in enumerate(middles)]
+
+
 def _sign(e: Element) -> list[_Rectangle]:
     _, across, height = e.size
     return [_Rectangle("front", "front", (0.056, 0.0, 0.0), _about(across), (height - across, height), 0.018)]
@@ -122,6 +151,9 @@ _RECTANGLES: dict[str, Callable[[Element], list[_Rectangle]]] = {
     "building": _building,
     "bus_stop": _bus_stop,
     "carriageway": _road,
+    "fence": _fence,
+    "gantry": _gantry,
+    "house": _house,
     "kiosk": _kiosk,
     "road": _road,
     "sign": _sign,

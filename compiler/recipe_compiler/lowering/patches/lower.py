@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.ir.patches import GREEN, PatchFace, PatchPlan, PatchTexture
+from recipe_compiler.ir.patches import GREEN, INSERTED, PatchFace, PatchPlan, PatchTexture
 from recipe_compiler.ir.plan import ScenePlan
 from recipe_compiler.ir.plan_types import MAX_PROPS
 from recipe_compiler.ir.plurals import count
@@ -68,7 +68,7 @@ def lower(
     for name, patch in patches.items():
         surface = _surface(name, patch.on, base, scene, lowered.problems)
         texture = _texture(name, patch, textures, base, scene.clock.frames, lowered.problems)
-        faces = None if surface is None else _faces(name, patch.on, surface, base, lowered.problems)
+        faces = None if surface is None else _faces(name, patch, surface, base, lowered.problems)
         if surface is None or faces is None or texture is None:
             continue
         plan = PatchPlan(
@@ -78,6 +78,7 @@ def lower(
             faces=faces,
             whole=not isinstance(surface, FlatSurface),
             mode=patch.mode,
+            transfer=patch.color_transfer.method if patch.mode == "color_transfer" else None,
             texture=texture,
             gloss=patch.gloss,
             emission=patch.emission,
@@ -94,12 +95,12 @@ def _surface(name: str, on: Carrier, base: Value, scene: ScenePlan, problems: li
     key, given = next((key, value) for key in ("town", "actor", "prop") if (value := getattr(on, key)) is not None)
     place = base.place_of("patches", name, "on", key)
     known = dict(_carriers(key, scene))
-    body = known.get(given)
-    there = list(body) if body is not None else []
+    there = list(known[given]) if given in known else []
     if not there:
+        names = [name for name, body in known.items() if next(body, None) is not None]
         what = {"town": "an element of the town with a surface", "actor": "an actor", "prop": "a prop"}[key]
         message = f"patches.{name}.on.{key}: {show(given)} is not {what}"
-        problems.append(Problem(message, place, nearest(given, known), Code.UNKNOWN_NAME))
+        problems.append(Problem(message, place, nearest(given, names), Code.UNKNOWN_NAME))
         return None
     if on.surface is None:
         return there[0]
@@ -124,11 +125,17 @@ def _carriers(key: str, scene: ScenePlan) -> Iterator[tuple[str, Iterator[Surfac
 
 
 def _faces(
-    name: str, on: Carrier, surface: Surface, base: Value, problems: list[Problem]
+    name: str, patch: Patch, surface: Surface, base: Value, problems: list[Problem]
 ) -> tuple[PatchFace, ...] | None:
     """The faces of a patch on its surface; None, with a problem, if it does not fit."""
-    where = f"patches.{name}.on"
+    on, where = patch.on, f"patches.{name}.on"
     if not isinstance(surface, FlatSurface):
+        if patch.mode in INSERTED:
+            message = f"patches.{name}.mode: {patch.mode} needs a rectangle; {surface.name} is covered whole"
+            remedy = "name another surface, or write mode: rendered"
+            place = base.place_of("patches", name, "mode")
+            problems.append(Problem(message, place, remedy, Code.CONFLICT))
+            return None
         wrong = [key for key in ("at", "size") if base.get("patches", name, "on", key) is not None]
         for key in wrong:
             message = f"{where}.{key}: the surface {surface.name} is covered whole"

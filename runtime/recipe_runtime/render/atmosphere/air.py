@@ -176,12 +176,17 @@ def transmittance(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: 
 
 
 @wp.func
-def apply_fog(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32) -> wp.vec3f:
-    """Return the radiance in direction d behind fog that transmits the share `left`."""
+def fog_veil(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
+    """Return the light of dense fog in direction d."""
     c = clamp01(dot(d, air[0].sun))
     c = c * c * c * c
-    veil = air[0].fog_colour + air[0].fog_sun * (c * c)
-    return mix(veil, radiance, left)
+    return air[0].fog_colour + air[0].fog_sun * (c * c)
+
+
+@wp.func
+def apply_fog(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32) -> wp.vec3f:
+    """Return the radiance in direction d behind fog that transmits the share `left`."""
+    return mix(fog_veil(air, d), radiance, left)
 
 
 @wp.func

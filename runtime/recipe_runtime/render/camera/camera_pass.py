@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +29,22 @@ from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.patches.patch_map import patch_map
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer
-from recipe_runtime.render.sampling.sampler import Sampler
+from recipe_runtime.render.sampling.sampler import FrameSamples, Sampler
 from recipe_runtime.render.scene.camera import upload_transforms, view_from_parts
 from recipe_runtime.render.scene.geometry import Geometry
+
+
+@dataclass(frozen=True)
+class ExposedFrame:
+    """The light of a frame's samples before the camera develops it."""
+
+    undistorted: Observation  # by the undistorted camera
+    points: FrameSamples
+    light: WeatherLight
+    found: SampleLight
+    exposed: Exposed
+    response: CameraResponse
+    record: Response  # the response with exposure and noise
 
 
 class CameraPass:
@@ -47,9 +61,9 @@ class CameraPass:
         reuse: TemporalReuse,
     ) -> None:
         self._g, self._device, self._timings = geometry, device, timings
-        self._sampler, self._shading, self._reuse = sampler, shading, reuse
-        self._tables = ResponseTables(device)
-        self._post = PostProcess(geometry, observer, self._tables, device)
+        self._sampler, self.shading, self._reuse = sampler, shading, reuse
+        self.tables = ResponseTables(device)
+        self.post = PostProcess(geometry, observer, self.tables, device)
 
     def develop(
         self,
@@ -61,33 +75,40 @@ class CameraPass:
         neighbour: NeighbourFrame | None = None,
     ) -> NDArray[np.uint8]:
         """Return the picture, 8-bit sRGB [H, W, 3]; motion blur takes the motion from a neighbouring frame."""
-        response = appearance.responses.get(sensor) or CameraResponse()
-        undistorted = self._post.undistorted(obs, response.supersample)
-        points = self._sampler.points(undistorted, response.antialias)
-        light = self._shading.weather_light(appearance, time)
-        found = self._shading.shade(undistorted, points, appearance, sensor, light, frame)
-        with self._timings("rain"):
-            cover = self._rain(undistorted, appearance.seed, light, time)
+        taken = self.expose(obs, appearance, sensor, frame, time)
         with self._timings("develop"):
-            key = noise_key(appearance.seed, sensor, frame)
-            r = response_of(response, self._exposure(obs, light), key, obs.camera)
-            by_pixel = points.starts, points.groups, points.weights
-            exposed = Exposed(found.light.shown, *by_pixel, cover, streak_radiance(light))
-            if needs_post_process(obs.camera, response, neighbour):
-                out = self._post.finish(exposed, undistorted, obs, response, r, neighbour)
+            if needs_post_process(obs.camera, taken.response, neighbour):
+                light = self.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
+                out = self.post.finish(light, taken.undistorted, obs, taken.response, taken.record, neighbour)
             else:
-                out = self._developed(exposed, obs.camera, response, r, found)
-            picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
+                out = self.developed(taken, obs.camera)
+            picture: NDArray[np.uint8] = out.numpy().reshape(obs.camera.height, obs.camera.width, 3)
         return picture
 
-    def _developed(
-        self, exposed: Exposed, camera: CameraPlan, response: CameraResponse, r: Response, found: SampleLight
-    ) -> DeviceArray:
-        """Return the bytes of a picture that one kernel develops."""
+    def expose(
+        self, obs: Observation, appearance: AppearancePlan, sensor: str, frame: int, time: float
+    ) -> ExposedFrame:
+        """Return the light of a frame's samples, and the settings of the camera."""
+        response = appearance.responses.get(sensor) or CameraResponse()
+        undistorted = self.post.undistorted(obs, response.supersample)
+        points = self._sampler.points(undistorted, response.antialias)
+        light = self.shading.weather_light(appearance, time)
+        found = self.shading.shade(undistorted, points, appearance, sensor, light, frame)
+        with self._timings("rain"):
+            cover = self._rain(undistorted, appearance.seed, light, time)
+        key = noise_key(appearance.seed, sensor, frame)
+        r = response_of(response, self._exposure(obs, light), key, obs.camera)
+        by_pixel = points.starts, points.groups, points.weights
+        exposed = Exposed(found.light.shown, *by_pixel, cover, streak_radiance(light))
+        return ExposedFrame(undistorted, points, light, found, exposed, response, r)
+
+    def developed(self, taken: ExposedFrame, camera: CameraPlan) -> DeviceArray:
+        """Return the bytes of a picture that one kernel develops, uint8 [H * W * 3]."""
         out = wp.empty(camera.width * camera.height * 3, dtype=wp.uint8, device=self._device)
-        tables, response_record = self._tables.by_pixel(response, camera), struct_array([r], self._device)
+        tables, found = self.tables.by_pixel(taken.response, camera), taken.found
+        record = struct_array([taken.record], self._device)
         with self._without_pixel_reuse(found):
-            passes.develop_pixels(exposed, camera, response_record, tables, found.kept, found.pixels, out, self._device)
+            passes.develop_pixels(taken.exposed, camera, record, tables, found.kept, found.pixels, out, self._device)
         return out
 
     @contextmanager
@@ -104,16 +125,16 @@ class CameraPass:
 
     def patch_map(self, obs: Observation, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         """Return 1 + the number of the patch at each pixel's centre, uint8 [H, W]; 0 for none."""
-        points = self._sampler.points(self._post.undistorted(obs, 1), antialias=False)
-        return patch_map(obs, points, self._shading.patches_of(appearance, frame), self._device)
+        points = self._sampler.points(self.post.undistorted(obs, 1), antialias=False)
+        return patch_map(obs, points, self.shading.patches_of(appearance, frame), self._device)
 
     def radiance(
         self, obs: Observation, appearance: AppearancePlan, time: float, frame: int = 0
     ) -> NDArray[np.float32]:
         """Return linear radiance at pixel centres, float32 [H, W, 3]."""
         points = self._sampler.points(obs, antialias=False)
-        light = self._shading.weather_light(appearance, time)
-        found = self._shading.shade(obs, points, appearance, "", light, frame)
+        light = self.shading.weather_light(appearance, time)
+        found = self.shading.shade(obs, points, appearance, "", light, frame)
         values: NDArray[np.float32] = found.light.shown.numpy()[points.starts.numpy()]
         return values.reshape(obs.camera.height, obs.camera.width, 3)
 

@@ -58,13 +58,18 @@ def lens_circle(response: CameraResponse) -> NDArray[np.float32]:
     return np.array([max(0.0, 1.0 - response.lens_circle_multiplier * s) for s in shade], np.float32)
 
 
-def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
-    """Return the 8-bit level of each linear level: the sRGB curve, its result raised to 2.2 / gamma."""
+def encoded(levels: int, gamma: float) -> NDArray[np.float64]:
+    """Return the encoded value, 0 to 1, of each linear level: the sRGB curve, its result raised to 2.2 / gamma."""
     top = levels - 1
-    encoded = (_encode(i / top) for i in range(levels))
+    values = (_encode(i / top) for i in range(levels))
     if gamma != 2.2:
-        encoded = (exact.power(v, 2.2 / gamma) for v in encoded)
-    return np.array([int(255.0 * v + 0.5) for v in encoded], np.uint8)
+        values = (exact.power(v, 2.2 / gamma) for v in values)
+    return np.array(list(values))
+
+
+def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
+    """Return the 8-bit level of each linear level."""
+    return np.array([int(255.0 * float(v) + 0.5) for v in encoded(levels, gamma)], np.uint8)
 
 
 def deviates() -> NDArray[np.float32]:

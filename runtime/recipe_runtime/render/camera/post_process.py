@@ -44,9 +44,15 @@ class PostProcess:
             by_supersampling[supersample] = self._observer.observe(straight, obs.world_from_sensor, obs.parts)
         return by_supersampling[supersample]
 
+    def hdr_image(self, exposed: Exposed, undistorted: Observation, r: Response) -> DeviceArray:
+        """Return the HDR image, vec3f, row by row, of the light of samples; `r` has the exposure."""
+        light = wp.empty(undistorted.camera.width * undistorted.camera.height, dtype=wp.vec3f, device=self._device)
+        passes.expose_samples(exposed, r, light, self._device)
+        return light
+
     def finish(
         self,
-        exposed: Exposed,
+        light: DeviceArray,
         undistorted: Observation,
         obs: Observation,
         response: CameraResponse,
@@ -56,7 +62,7 @@ class PostProcess:
         """Return the bytes of a picture, uint8 [H * W * 3].
 
         Args:
-            exposed: The light of the samples, and the rain.
+            light: The HDR image.
             undistorted: The observation by the undistorted camera.
             obs: The observation of the picture.
             response: The camera's settings.
@@ -64,8 +70,6 @@ class PostProcess:
             neighbour: The frame that motion blur takes the motion from, if any.
         """
         device, pixels = self._device, obs.camera.width * obs.camera.height
-        light = wp.empty(undistorted.camera.width * undistorted.camera.height, dtype=wp.vec3f, device=device)
-        passes.expose_samples(exposed, r, light, device)
         if neighbour is not None and response.motion_blur_intensity > 0.0:
             light = motion_blur.blurred(light, undistorted, self._g, response, neighbour, device)
         tables = self._tables.by_distance(response)

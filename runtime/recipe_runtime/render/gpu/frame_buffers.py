@@ -12,6 +12,8 @@ from recipe_runtime.render.lighting.buffers import LightBuffers, PixelLevels, Ra
 from recipe_runtime.render.raster.label_kernels import TILE_PIXELS
 from recipe_runtime.render.raster.passes import BinBuffers
 from recipe_runtime.render.sampling.buffers import SampleColumns
+from recipe_runtime.render.shadows.lamp_shadow_maps import MapMemory
+from recipe_runtime.render.shadows.lamp_slots import SLOTS
 from recipe_runtime.render.shadows.shadow_maps import ShadowMap, moving_beams
 
 _BIN_CAPACITY = 1 << 17  # bins of large triangles
@@ -43,6 +45,7 @@ class FrameBuffers:
         # light
         self.lists = {burn: TileLists.empty(setup.tiles.size, device) for burn in self._burning(setup)}
         self.maps = [self._moving_maps(setup, sun) for sun in setup.suns]
+        self.lamp_maps = MapMemory(SLOTS if True in self.lists else 1, device)
         self.wet_light = LightBuffers.empty(self.capacity + 4, True, device)
         bare = self.wet_light
         self.dry_light = LightBuffers(bare.radiance, bare.mirror, bare.reuse_class, bare.radiance)

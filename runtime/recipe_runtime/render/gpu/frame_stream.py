@@ -29,6 +29,8 @@ from recipe_runtime.render.raster.observer import all_tiles
 from recipe_runtime.render.sampling import sample_kernels
 from recipe_runtime.render.scene.camera import view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.lamp_shadow_maps import LampShadowMaps
+from recipe_runtime.render.shadows.lamp_slots import MAP_NAMES, STATIC_SLOTS
 from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, moving_beams
 from recipe_runtime.render.texture.mipmaps import ImageAtlases
 from recipe_runtime.render.texture.surface_colours import surface_colours
@@ -83,7 +85,9 @@ class FrameStream:
             layout=frame_layout(geometry, len(suns), len(looks)),
             capacity=pixels + (int(_EDGE_SAMPLES * pixels) if side == 2 else 0),
         )
-        self._beams: list[Any] = []  # static shadow maps that frames in flight may read
+        self._burning = any(look.light.lamps_burn for look in looks)
+        self._lamp_shadows = LampShadowMaps(geometry, device)
+        self._maps: list[Any] = []  # static shadow maps that frames in flight may read
         self._recorded = [RecordedFrame(self._setup) for _ in range(in_flight)]
 
     def frames(self, batch: FrameBatch) -> Iterator[RenderedFrame]:
@@ -126,19 +130,34 @@ class FrameStream:
         put(rows, "view_from_part", view_from_parts(poses, parts))
         put(rows, "world_from_part", world)
         put(rows, "world_from_view", world_from_view(poses))
-        for name, column in zip(lights.LAMP_NAMES, lights.lamp_columns(self._g, world, eyes), strict=True):
-            put(rows, f"lamps {name}", column)
+        held = self._put_lamps(rows, world, poses)
         for name, column in zip(lights.BODY_NAMES, lights.body_columns(self._g, parts), strict=True):
             put(rows, f"bodies {name}", column)
         put(rows, "samples", eyes, span_of(sample_kernels.Samples, "eye")[0])
-        held = [beam for row, pose in zip(rows, poses, strict=True) for beam in self._put_beams(row, pose)]
+        held += [beam for row, pose in zip(rows, poses, strict=True) for beam in self._put_beams(row, pose)]
         for row, pose, number, time in zip(rows, poses, batch.numbers[span], batch.times[span], strict=True):
             self._put_light(row, pose, number, time)
         under_way = _CHUNK + len(self._recorded)
-        self._beams = (self._beams + held)[-2 * under_way * max(len(self._setup.suns), 1) :]
+        maps = 2 * len(self._setup.suns) + (STATIC_SLOTS if self._burning else 0)
+        self._maps = (self._maps + held)[-under_way * max(maps, 1) :]
         if self._device != "cpu":
             wp.synchronize_stream(wp.get_stream(self._device))  # static shadows are drawn there
         return rows
+
+    def _put_lamps(self, rows: NDArray[np.uint8], world: Array, poses: Array) -> list[Any]:
+        """Put the lamps into rows; the frames must hold references to the static maps that are returned."""
+        put, put_records = self._setup.layout.put, self._setup.layout.put_records
+        columns, slots = lights.lamp_columns(self._g, world, poses)
+        for name, column in zip(lights.LAMP_NAMES, columns, strict=True):
+            put(rows, f"lamps {name}", column)
+        for name, column in zip(MAP_NAMES, slots.columns, strict=True):
+            put(rows, f"lamp maps {name}", column)
+        held: list[Any] = []
+        for row, frame in zip(rows, slots.by_frame() if self._burning else [], strict=False):
+            static = self._lamp_shadows.static_maps(frame)
+            put_records(row, "lamp maps static", static)
+            held += static
+        return held
 
     def _put_beams(self, row: NDArray[np.uint8], pose: Array) -> list[Any]:
         """Put the shadow maps of a pose into a row; the frame must hold references to the static maps."""

@@ -35,6 +35,8 @@ from recipe_runtime.render.sampling import passes as sample_passes
 from recipe_runtime.render.sampling.buffers import samples_of, scene_arrays
 from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples
 from recipe_runtime.render.scene.camera import pinhole_of
+from recipe_runtime.render.shadows.lamp_shadow_maps import maps_of
+from recipe_runtime.render.shadows.lamp_slots import MAP_NAMES
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
 
 
@@ -156,7 +158,10 @@ class RecordedFrame:
             struct_array([PreviousFrame()], device),
         )
         self._no_patches = no_patches(device)
-        burning = lights.lamps_of(g, [b[f"lamps {name}"] for name in lights.LAMP_NAMES], device)
+        views, static = [b[f"lamp maps {name}"] for name in MAP_NAMES], b["lamp maps static"]
+        self._lamp_maps = struct_array([maps_of(views, static, self._buffers.lamp_maps)], device)
+        columns = [b[f"lamps {name}"] for name in lights.LAMP_NAMES]
+        burning = lights.lamps_of(g, columns, self._lamp_maps, device)
         self._lamps = {True: struct_array([burning], device), False: struct_array([lights.no_lamps(device)], device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
         self._bodies = struct_array([lights.bodies_of(columns, columns[0].size)], device)
@@ -223,6 +228,9 @@ class RecordedFrame:
 
     def _draw_shadows(self) -> None:
         g, n, world, device = self.setup.g, self._buffers, self._b["world_from_part"], self.device
+        if True in n.lists:
+            n.lamp_maps.clear(device)
+            n.lamp_maps.draw(g, self._lamp_maps, world, range(g.static_chunks, g.chunk_count), device)
         if not self.setup.suns:
             return
         raster_passes.transform_vertices(g, world, g.static_vertices, n.world_vertices, device)

@@ -20,6 +20,8 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import lights
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.lamp_shadow_kernels import StaticLampMap
+from recipe_runtime.render.shadows.lamp_slots import MAP_KINDS, MAP_NAMES, STATIC_SLOTS
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
 
 
@@ -58,14 +60,17 @@ class StreamSetup:
 
 def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:
     """Return the layout of the values that change from frame to frame, for a number of appearances and suns."""
-    parts, eye, none = 1 + g.parts, np.zeros((1, 3)), np.zeros((1, g.parts, 3, 4))
+    parts, none = 1 + g.parts, np.zeros((1, g.parts, 3, 4))
     layout = MemoryLayout()
     layout.add("view_from_part", wp.float32, (parts, 12))
     layout.add("world_from_part", wp.float32, (parts, 12))
     layout.add("world_from_view", wp.float32, (1, 12))
-    columns = lights.lamp_columns(g, np.zeros((1, parts, 3, 4)), eye)
+    columns, slots = lights.lamp_columns(g, np.zeros((1, parts, 3, 4)), np.zeros((1, 3, 4)))
     for name, kind, column in zip(lights.LAMP_NAMES, lights.LAMP_KINDS, columns, strict=True):
         layout.add(f"lamps {name}", kind, (column.shape[1],))
+    for name, kind, column in zip(MAP_NAMES, MAP_KINDS, slots.columns, strict=True):
+        layout.add(f"lamp maps {name}", kind, (column.shape[1],))
+    layout.add("lamp maps static", StaticLampMap, (STATIC_SLOTS,))
     columns = lights.body_columns(g, none)
     for name, kind, column in zip(lights.BODY_NAMES, lights.BODY_KINDS, columns, strict=True):
         layout.add(f"bodies {name}", kind, (column.shape[1],))

@@ -15,11 +15,13 @@ from recipe_runtime.render.atmosphere.weather_light import WeatherLight
 from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.buffers import TileLists
-from recipe_runtime.render.lighting.lights import bodies_at, lamps_at, no_lamps
+from recipe_runtime.render.lighting.lights import bodies_at, lamp_columns, lamps_at, no_lamps
+from recipe_runtime.render.lighting.tile_list_kernels import Lamps
 from recipe_runtime.render.raster.label_kernels import TILE
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.scene.camera import upload_transforms, view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.lamp_shadow_maps import LampShadowMaps
 from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, world_vertices
 
 
@@ -45,7 +47,7 @@ class LightSources:
 
     def __init__(self, geometry: Geometry, device: str, timings: Timings) -> None:
         self._g, self._device, self._timings = geometry, device, timings
-        self._maps = ShadowMaps(geometry, device)
+        self._maps, self._lamp_maps = ShadowMaps(geometry, device), LampShadowMaps(geometry, device)
         self._found: WeakKeyDictionary[Observation, _Cached] = WeakKeyDictionary()
 
     def beams(self, obs: Observation, light: WeatherLight) -> DeviceArray:
@@ -72,8 +74,8 @@ class LightSources:
         return nearby[lit]
 
     def _listed(self, obs: Observation, lit: bool) -> TiledLights:
-        world, eye, device = world_from_parts(obs.parts), obs.world_from_sensor[:, 3], self._device
-        lamps = struct_array([lamps_at(self._g, world, eye, device) if lit else no_lamps(device)], device)
+        device = self._device
+        lamps = struct_array([self._lamps(obs) if lit else no_lamps(device)], device)
         bodies = struct_array([bodies_at(self._g, obs.parts, device)], device)
         tiles = -(-obs.camera.width // int(TILE)) * -(-obs.camera.height // int(TILE))
         lists = TileLists.empty(tiles, device)
@@ -81,6 +83,15 @@ class LightSources:
         view = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], device)
         passes.list_lights(obs.keys, obs.camera, back, view, lamps, bodies, lists, device)
         return TiledLights(lamps, bodies, lists)
+
+    def _lamps(self, obs: Observation) -> Lamps:
+        """Return the lamps near a camera, with their shadow maps."""
+        world = world_from_parts(obs.parts)
+        columns, slots = lamp_columns(self._g, world, obs.world_from_sensor)
+        with self._timings("lamp shadows"):
+            maps, memory = self._lamp_maps.draw(slots, upload_transforms(world, self._device))
+        weakref.finalize(obs, self._lamp_maps.give_back, memory).atexit = False
+        return lamps_at(self._g, columns, maps, self._device)
 
     def _of(self, obs: Observation) -> _Cached:
         return self._found.setdefault(obs, _Cached())

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.device.arrays import set_fields
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.lamp_shadow_maps import no_maps
+from recipe_runtime.render.shadows.lamp_slots import LampSlots, assign_slots, shadow_column
 
 _CANDELA = 1.0 / 11000.0  # light of one candela on a white surface at one metre, in the scale of `Air`
 _SPILL = 1400.0  # candela above which the light near a lamp grows with the square root
@@ -22,8 +24,8 @@ _UNLIT = 0.3  # the minimum that a street counts as, relative to that
 _MAX_HEIGHT = 0.4  # metres above the ground at which a part no longer darkens it
 _MAX_OCCLUSION = 0.72  # share of the sky's light that a wide body on the ground blocks
 _NOWHERE = 1.0e9  # metres, a coordinate out of reach
-LAMP_NAMES = ("position", "direction", "power", "cone", "reach")
-LAMP_KINDS = (wp.vec3f, wp.vec3f, wp.vec3f, wp.vec2f, wp.float32)
+LAMP_NAMES = ("position", "direction", "power", "cone", "reach", "shadow")
+LAMP_KINDS = (wp.vec3f, wp.vec3f, wp.vec3f, wp.vec2f, wp.float32, wp.vec2f)
 BODY_NAMES = ("centre", "axis", "half", "spread", "strength")
 BODY_KINDS = (wp.vec3f, wp.vec2f, wp.vec2f, wp.float32, wp.float32)
 
@@ -40,13 +42,13 @@ def lamplight(geometry: Geometry, eye: Array) -> float:
     return min(max(total / _LIT_STREET, _UNLIT), 2.0)
 
 
-def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Lamps:
-    """Return the lamps nearest to the eye, in the geometry's order."""
-    columns = lamp_columns(geometry, world_from_parts, eye)
-    return lamps_of(geometry, [_upload(c, kind, device) for c, kind in zip(columns, LAMP_KINDS, strict=True)], device)
+def lamps_at(geometry: Geometry, columns: Sequence[Array], maps: DeviceArray, device: str) -> Lamps:
+    """Return the struct of the lamps of `lamp_columns`, with their shadow maps."""
+    uploaded = [_upload(c, kind, device) for c, kind in zip(columns, LAMP_KINDS, strict=True)]
+    return lamps_of(geometry, uploaded, maps, device)
 
 
-def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Lamps:
+def lamps_of(geometry: Geometry, columns: Sequence[Any], maps: DeviceArray, device: str) -> Lamps:
     """Return the struct of lamps whose columns are on the device."""
     crowded = len(geometry.lights) > _MAX_LAMPS  # then the selected lamps may change from frame to frame
     moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MAX_LAMPS]] or [1]
@@ -54,38 +56,46 @@ def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Lamps:
         Lamps(),
         **dict(zip(LAMP_NAMES, columns, strict=True)),
         moves=wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device),
+        maps=maps,
         count=min(len(geometry.lights), _MAX_LAMPS),
     )
 
 
-def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, ...]:
-    """Return position, direction, power, cone and reach of the lamps nearest to the eye.
+def lamp_columns(geometry: Geometry, world: Array, pose: Array) -> tuple[tuple[Array, ...], LampSlots]:
+    """Return the columns of the lamps nearest to the eye, by `LAMP_NAMES`, and the lamps that cast shadows.
 
-    If there are no lamps, one of power 0 is returned. `world` [..., 1 + P, 3, 4], `eye` [..., 3]; columns [..., L, 3],
-    the cone [..., L, 2], the reach [..., L].
+    If there are no lamps, one of power 0 is returned. `world` [..., 1 + P, 3, 4] from parts, `pose` [..., 3, 4] of the
+    sensor; columns [..., L, 3], the cone and the shadow [..., L, 2], the reach [..., L].
     """
+    eye = pose[..., 3]
     if not geometry.lights:
         none = np.zeros((*eye.shape[:-1], 1, 3))
-        return none, none, none, none[..., :2], none[..., 0]
+        slots = assign_slots(geometry, none, none, none[..., 0], pose)
+        return (none, none, none, none[..., :2], none[..., 0], none[..., :2]), slots
     lights, carrier = geometry.light_rows, world[..., geometry.light_parts, :, :]
     candela, cone = lights[:, 9], lights[:, 10]
     power = _power(candela)[:, None] * lights[:, 6:9]
     shape = np.stack([cone, cone + (1.0 - cone) * 0.75, 3.0 + 0.6 * np.sqrt(candela)], axis=-1)
     to = _rotated(carrier, lights[:, 3:6])
+    position = _rotated(carrier, lights[:, 0:3]) + carrier[..., 3]
+    slots = assign_slots(geometry, position, to, shape[:, 2], pose)
     rest = np.broadcast_to(np.concatenate([power, shape], axis=-1), (*to.shape[:-1], 6))
-    rows = np.concatenate([_rotated(carrier, lights[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
+    rows = np.concatenate([position, to, rest, shadow_column(slots, len(lights))], axis=-1)
     if len(geometry.lights) > _MAX_LAMPS:
         away = rows[..., 0:3] - eye[..., None, :]
         gaps = (away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2]
         kept = np.sort(np.argsort(gaps, axis=-1, kind="stable")[..., :_MAX_LAMPS], axis=-1)
         rows = np.take_along_axis(rows, kept[..., None], axis=-2)
-    return rows[..., 0:3], rows[..., 3:6], rows[..., 6:9], rows[..., 9:11], rows[..., 11]
+    columns = rows[..., 0:3], rows[..., 3:6], rows[..., 6:9], rows[..., 9:11], rows[..., 11], rows[..., 12:14]
+    return columns, slots
 
 
 def no_lamps(device: str) -> Lamps:
     """Return the struct of no lamps, for daylight."""
     columns = {name: wp.zeros(1, dtype=kind, device=device) for name, kind in zip(LAMP_NAMES, LAMP_KINDS, strict=True)}
-    return set_fields(Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), count=0)
+    return set_fields(
+        Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), maps=no_maps(device), count=0
+    )
 
 
 def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:

@@ -10,19 +10,21 @@ flat ground.
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import SWAY_STEPS, Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.lighting.temporal_kernels import last_leaf_step
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
-from recipe_runtime.render.numeric.vectors import mix, multiply, normalize
+from recipe_runtime.render.numeric.vectors import dot, mix, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays, patch_point
-from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
 from recipe_runtime.render.texture.ground import ground_height
-from recipe_runtime.render.texture.images import ImageAtlas, image_at
+from recipe_runtime.render.texture.images import ImageAtlas, SurfaceColours, image_at
 
 wp.set_module_options(OPTIONS)
 
 MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the maximum of `soft`
 LEVEL = wp.constant(wp.float32(0.95))  # surfaces whose normal has at least this z hold water
+MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
 MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this form no puddle
 
 
@@ -239,6 +241,63 @@ def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, s
 
 
 @wp.func
+def dry_material(
+    samples: wp.array[Samples],
+    colours: wp.array[SurfaceColours],
+    air: wp.array[Air],
+    i: wp.int32,
+    surface: wp.int32,
+    pattern: wp.int32,
+    n: wp.vec3f,
+) -> Material:
+    """Return the dry material of a sample, with the colours of its surface and image."""
+    detail = samples[0].details[i]
+    first = colours[0].first[surface]
+    second = colours[0].second[surface]
+    if pattern == Pattern.IMAGE:
+        image = colours[0].album[0].of_surface[surface]
+        if image >= 0:
+            first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
+        detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
+    return material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
+
+
+@wp.func
+def weathered_material(
+    samples: wp.array[Samples],
+    air: wp.array[Air],
+    i: wp.int32,
+    pattern: wp.int32,
+    phase: wp.int32,
+    p: wp.vec3f,
+    distance: wp.float32,
+    m: Material,
+) -> Material:
+    """Return the material of a sample with rain and wind; `phase` is that of `swaying_phase`."""
+    # (Fields are assigned one by one: a choice between two structs would go through memory.)
+    if air[0].wet > 0.0:
+        low = samples[0].puddle_depths[i]
+        if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
+            low = puddle_depth(pattern, p, samples[0].details[i][3])
+            samples[0].puddle_depths[i] = low  # for later frames and other weathers
+        moist = apply_wetness(m, pattern, air, low)
+        m.albedo = moist.albedo
+        m.coat = moist.coat
+        m.gloss = moist.gloss
+    if phase >= 0:
+        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, last_leaf_step(phase, air[0].leaf_step))
+        m.albedo = moving.albedo
+        m.normal = moving.normal
+    return m
+
+
+@wp.func
+def lay_patch(albedo: wp.vec3f, glow: wp.vec3f, shown: wp.vec3f, emission: wp.float32, coverage: wp.float32):
+    """Return albedo and glow of a surface below a patch that shows a colour and covers a share of the pixel."""
+    return mix(albedo, shown, coverage), glow * (1.0 - coverage) + shown * (emission * coverage)
+
+
+@wp.func
 def patched_material(
     patches: wp.array[PatchArrays],
     album: wp.array[ImageAtlas],
@@ -259,10 +318,30 @@ def patched_material(
             if patches[0].image[patch] >= 0:
                 shown = image_at(album, patches[0].image[patch], at.place, at.code)
             left = 1.0 - at.coverage
-            m.albedo = mix(m.albedo, shown, at.coverage)
-            m.glow = m.glow * left + shown * (patches[0].emission[patch] * at.coverage)
+            albedo, glow = lay_patch(m.albedo, m.glow, shown, patches[0].emission[patch], at.coverage)
+            m.albedo = albedo
+            m.glow = glow
             m.coat = m.coat * left + patches[0].coat[patch] * at.coverage
             m.gloss = m.gloss * left + patches[0].gloss[patch] * at.coverage
             m.soft = m.soft * left
             m.street = m.street * left
     return m
+
+
+@wp.func
+def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float32:
+    """Return Schlick's reflectance, reduced for rough surfaces at grazing angles."""
+    m = 1.0 - clamp01(cosine)
+    m2 = m * m
+    return coat + (maximum(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
+
+
+@wp.func
+def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
+    """Return the strength of a highlight (Trowbridge-Reitz) for light along `to` and the eye along `back`."""
+    h = normalize(to + back)
+    c = clamp01(dot(n, h))
+    rough = 1.02 - gloss
+    a = rough * rough
+    k = c * c * (a * a - 1.0) + 1.0
+    return minimum(a * a / (k * k) * 0.25, 60.0)

@@ -105,6 +105,8 @@ def compare_tiles(
         lamp_lists=lists.lamps,
         body_lists=lists.bodies,
         glow_lists=lists.glows,
+        lows=boxes[0],
+        highs=boxes[1],
         out_bits=out_bits,
     )
     launch(

@@ -301,6 +301,32 @@ def light_beyond_picture(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     return mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * DISTANCE_BEYOND_PICTURE))
 
 
+@wp.func
+def mirrored_view(
+    samples: wp.array[Samples],
+    air: wp.array[Air],
+    i: wp.int32,
+    gloss: wp.float32,
+    reach: wp.array[wp.float32],
+    depth: wp.array[wp.float32],
+    view: wp.array2d[wp.float32],
+    pinhole: Pinhole,
+):
+    """Return the direction in which a sample of wet ground mirrors, and what `mirrored_pixel` returns for it."""
+    pixel = nonnegative(samples[0].pixels[i])
+    block = nonnegative((pixel / pinhole.width / 2) * ((pinhole.width + 1) / 2) + (pixel % pinhole.width) / 2)
+    p = samples[0].positions[i]
+    to_point = p - samples[0].eye
+    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].ring_step), gloss))
+    return d, mirrored_pixel(block, pixel, to_point, d, reach, depth, view, pinhole)
+
+
+@wp.func
+def brightest_mirrored(air: wp.array[Air], gloss: wp.float32) -> wp.vec3f:
+    """Return the brightest light that wet ground mirrors: a thin film blurs a lamp, standing water shows it sharply."""
+    return air[0].sideways * (4.0 + 500.0 * maximum(gloss - 0.82, 0.0))
+
+
 @wp.kernel
 def reflect(
     samples: wp.array[Samples],
@@ -332,17 +358,12 @@ def reflect(
         return
     light = radiance[i]
     pixel = nonnegative(pixel)
-    block = nonnegative((pixel / pinhole.width / 2) * ((pinhole.width + 1) / 2) + (pixel % pinhole.width) / 2)
     keep = i < previous[0].kept_count
     mark_dirty(previous, pixel)
-    p = samples[0].positions[i]
-    to_point = p - samples[0].eye
-    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].ring_step), mirror[i][1]))
-    hit = mirrored_pixel(block, pixel, to_point, d, reach, depth, view_from_world, pinhole)
+    d, hit = mirrored_view(samples, air, i, mirror[i][1], reach, depth, view_from_world, pinhole)
     at = hit[0]
     if at >= 0:
-        # A thin film blurs the image of a lamp; only standing water shows it sharply.
-        most = air[0].sideways * (4.0 + 500.0 * maximum(mirror[i][1] - 0.82, 0.0))
+        most = brightest_mirrored(air, mirror[i][1])
         seen = nonnegative(starts[nonnegative(at)])
         shown = radiance[seen]
         shown = wp.vec3f(minimum(shown[0], most[0]), minimum(shown[1], most[1]), minimum(shown[2], most[2]))

@@ -27,6 +27,7 @@ from recipe_runtime.render.lighting.reflection import ReflectionPass
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
 from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame
+from recipe_runtime.render.lighting.tile_list_kernels import UNSHADOWED
 from recipe_runtime.render.patches.patch_arrays import no_patches, patch_structs, texture_of
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.sampling.sampler import FrameSamples
@@ -73,14 +74,9 @@ class ShadingPass:
         frame: int,
     ) -> SampleLight:
         """Return the light of all samples of a frame in an appearance; `sensor` is the name of the camera."""
-        with self._timings("shadows"):
-            beams = self._sources.beams(obs, light)
-        with self._timings("nearby"):
-            nearby = self._sources.nearby(obs, light.lamps_burn)
+        lights = self.inputs(obs, appearance, light, frame)
         with self._timings("shade"):
-            surface_colours, patches = self._colours_of(appearance, frame)
-            samples, air, colours = (struct_array([v], self._device) for v in (points.data, light.air, surface_colours))
-            lights = ShadingInputs(colours, patches, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
+            samples, air = struct_array([points.data], self._device), lights.air
             name = "" if any(patch.changes for patch in appearance.patches) else f"{appearance.digest} {sensor}"
             found, before = self._prepare(obs.camera, points, name, light, lights)
             previous = struct_array([before], self._device)
@@ -93,6 +89,17 @@ class ShadingPass:
                 self._reflection.reflect(obs, points, samples, air, previous, int(before.shared_count), found)
             found.ring_step = int(light.air.ring_step)
         return found
+
+    def inputs(self, obs: Observation, appearance: AppearancePlan, light: WeatherLight, frame: int) -> ShadingInputs:
+        """Return what shading reads besides the samples of an observation."""
+        with self._timings("shadows"):
+            beams = self._sources.beams(obs, light)
+        with self._timings("nearby"):
+            nearby = self._sources.nearby(obs, light.lamps_burn)
+        with self._timings("shade"):
+            surface_colours, patches = self._colours_of(appearance, frame)
+            air, colours = (struct_array([v], self._device) for v in (light.air, surface_colours))
+        return ShadingInputs(colours, patches, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
 
     def _dirty(self, points: FrameSamples, previous: DeviceArray, air: DeviceArray, found: SampleLight) -> DirtySamples:
         """Return the samples whose light may have changed since the earlier frame."""
@@ -115,7 +122,7 @@ class ShadingPass:
         if cached is not None and base is not None:
             before.tiles = wp.empty(lights.lists.tiles, dtype=wp.int32, device=self._device)
             set_fields(before, sky=int(cached.clouds == clouds), shared_count=base.count, leaf_step=cached.leaf_step)
-            needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
+            needed = 1 + (2 + int(UNSHADOWED)) * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
             lists = lights.lamps, cached.lists, lights.lists
             passes.compare_tiles(*lists, base.boxes, lights.beams, needed, before.tiles, self._device)
             found, cached.lists, cached.clouds = cached, lights.lists, clouds

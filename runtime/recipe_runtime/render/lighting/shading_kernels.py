@@ -8,20 +8,19 @@ sky. Radiance is linear and relative (see `Air`).
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
-from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, reflected_sky, sky, transmittance
+from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, fog_veil, reflected_sky, sky, transmittance
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
     LEVEL,
+    MAX_LEAF_DISTANCE,
     MAX_SOFTNESS,
-    MIN_DEPOSITS,
     Material,
-    apply_wetness,
-    apply_wind,
-    is_paved,
-    material_of,
+    dry_material,
+    fresnel,
     patched_material,
-    puddle_depth,
+    specular,
+    weathered_material,
 )
 from recipe_runtime.render.lighting.temporal_kernels import (
     AT_REST,
@@ -31,48 +30,28 @@ from recipe_runtime.render.lighting.temporal_kernels import (
     DirtySamples,
     PreviousFrame,
     dirty_sample,
-    last_leaf_step,
     leaf_phase,
     mark_dirty,
 )
-from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps, contact_occlusion, lamp_light
+from recipe_runtime.render.lighting.tile_list_kernels import (
+    UNSHADOWED,
+    Bodies,
+    Lamps,
+    contact_occlusion,
+    lamp_light,
+    lamp_shadow,
+    lamps_shadowed,
+)
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
-from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
+from recipe_runtime.render.numeric.vectors import dot, mix, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
-from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
-from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, map_contains, sun_visibility
-from recipe_runtime.render.texture.images import SurfaceColours, image_at
+from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, moving_shadow, sun_share
+from recipe_runtime.render.texture.images import SurfaceColours
 
 wp.set_module_options(OPTIONS)
-
-MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
-
-
-@wp.func
-def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """Return the share of the sun that moving objects leave to a point (maps 2 and 3)."""
-    moving = wp.int32(2)
-    if not map_contains(beams, moving, p):
-        moving = wp.int32(3)
-    return sun_visibility(beams, moving, p, n)
-
-
-@wp.func
-def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
-    """Return the share of the sun that reaches a point, and the share that moving objects alone would leave.
-
-    The latter is 1 where the static scene (maps 0 and 1) already blocks the sun.
-    """
-    still = wp.int32(0)
-    if not map_contains(beams, still, p):
-        still = wp.int32(1)
-    left = sun_visibility(beams, still, p, n)
-    moving = wp.float32(1.0)
-    if left > 0.0:
-        moving = moving_shadow(beams, p, n)
-    return wp.vec2f(minimum(left, moving), moving)
 
 
 @wp.func
@@ -80,7 +59,9 @@ def is_light_unchanged(
     previous: wp.array[PreviousFrame],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
+    lamps: wp.array[Lamps],
     bodies: wp.array[Bodies],
+    lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     reuse_class: wp.uint8,
     tile: wp.int32,
@@ -93,32 +74,16 @@ def is_light_unchanged(
     bits = previous[0].tiles[tile]
     if contact_occlusion(bodies, body_lists, tile, p, n) < 1.0:
         return False
-    if air[0].night > 0.0 and (bits & 2) == 0:
-        return False
+    if air[0].night > 0.0:
+        if (bits & 2) == 0:
+            return False
+        if (bits & UNSHADOWED) == 0 and lamps_shadowed(lamps, lamp_lists, tile, p, n):
+            return False
     if air[0].glow_share > 0.0 and (bits & 4) == 0:
         return False
     if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or dot(n, air[0].sun) <= -MAX_SOFTNESS:
         return True
     return moving_shadow(beams, p, n) == 1.0
-
-
-@wp.func
-def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float32:
-    """Return Schlick's reflectance, reduced for rough surfaces at grazing angles."""
-    m = 1.0 - clamp01(cosine)
-    m2 = m * m
-    return coat + (maximum(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
-
-
-@wp.func
-def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
-    """Return the strength of a highlight (Trowbridge-Reitz) for light along `to` and the eye along `back`."""
-    h = normalize(to + back)
-    c = clamp01(dot(n, h))
-    rough = 1.02 - gloss
-    a = rough * rough
-    k = c * c * (a * a - 1.0) + 1.0
-    return minimum(a * a / (k * k) * 0.25, 60.0)
 
 
 @wp.func
@@ -180,24 +145,31 @@ def add_lamps(
     tile: wp.int32,
     m: Material,
     p: wp.vec3f,
+    n: wp.vec3f,
     back: wp.vec3f,
     facing: wp.float32,
     light: wp.vec3f,
     shine: wp.vec3f,
+    past: wp.float32,
 ):
-    """Add a tile's lamps, in order, to the light on a point and to its highlights."""
+    """Add a tile's lamps, in order, to the light on a point with geometric normal n and to its highlights.
+
+    Return also the smallest of `past` and the shares of the lamps that moving objects leave.
+    """
     for k in range(lists[tile, 0]):
         lamp = lists[tile, k + 1]
         fall = lamp_light(lamps, lamp, p, m.normal)
         if fall[3] > 0.0:
             to = wp.vec3f(fall[0], fall[1], fall[2])
             c = dot(m.normal, to)
-            power = lamps[0].power[lamp] * (fall[3] * air[0].night)
+            reached = lamp_shadow(lamps, lamp, p, n, to)
+            past = minimum(past, reached[1])
+            power = lamps[0].power[lamp] * (fall[3] * air[0].night * reached[0])
             light = light + power * clamp01((c + 0.12) / 1.12)
             if m.coat > 0.0 and c > 0.0:
                 mirroring = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
                 shine = shine + power * mirroring
-    return light, shine
+    return light, shine, past
 
 
 @wp.func
@@ -210,57 +182,6 @@ def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: 
     if swaying:
         phase = leaf_phase(p)
     return phase
-
-
-@wp.func
-def dry_material(
-    samples: wp.array[Samples],
-    colours: wp.array[SurfaceColours],
-    air: wp.array[Air],
-    i: wp.int32,
-    surface: wp.int32,
-    pattern: wp.int32,
-    n: wp.vec3f,
-) -> Material:
-    """Return the dry material of a sample, with the colours of its surface and image."""
-    detail = samples[0].details[i]
-    first = colours[0].first[surface]
-    second = colours[0].second[surface]
-    if pattern == Pattern.IMAGE:
-        image = colours[0].album[0].of_surface[surface]
-        if image >= 0:
-            first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
-        detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
-    return material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
-
-
-@wp.func
-def weathered_material(
-    samples: wp.array[Samples],
-    air: wp.array[Air],
-    i: wp.int32,
-    pattern: wp.int32,
-    phase: wp.int32,
-    p: wp.vec3f,
-    distance: wp.float32,
-    m: Material,
-) -> Material:
-    """Return the material of a sample with rain and wind; `phase` is that of `swaying_phase`."""
-    # (Fields are assigned one by one: a choice between two structs would go through memory.)
-    if air[0].wet > 0.0:
-        low = samples[0].puddle_depths[i]
-        if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
-            low = puddle_depth(pattern, p, samples[0].details[i][3])
-            samples[0].puddle_depths[i] = low  # for later frames and other weathers
-        moist = apply_wetness(m, pattern, air, low)
-        m.albedo = moist.albedo
-        m.coat = moist.coat
-        m.gloss = moist.gloss
-    if phase >= 0:
-        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, last_leaf_step(phase, air[0].leaf_step))
-        m.albedo = moving.albedo
-        m.normal = moving.normal
-    return m
 
 
 @wp.func
@@ -279,6 +200,81 @@ def write_light(
     out_radiance[i] = radiance
     if air[0].wet > 0.0 and mirrored <= 0.0:
         out_shown[i] = radiance
+
+
+@wp.struct
+class SurfaceLight:
+    """What turns a surface's albedo and glow into the radiance that reaches the eye."""
+
+    light: wp.vec3f  # on the surface
+    shine: wp.vec3f  # of the sun and the lamps that it mirrors
+    sky: wp.vec3f  # that it mirrors
+    veil: wp.vec3f  # of fog
+    left: wp.float32  # share that the fog transmits
+    glow: wp.vec3f  # of lamps in the air before it
+
+
+@wp.func
+def surface_radiance(albedo: wp.vec3f, glow: wp.vec3f, lit: SurfaceLight) -> wp.vec3f:
+    """Return the radiance of a surface, except for what wet ground mirrors."""
+    return mix(lit.veil, multiply(albedo, lit.light) + glow + lit.shine + lit.sky, lit.left) + lit.glow
+
+
+@wp.func
+def facing_eye(to_point: wp.vec3f, n: wp.vec3f):
+    """Return distance, line of sight, normal, and the cosine between the last two, which is not negative."""
+    distance = wp.sqrt(dot(to_point, to_point))
+    sight = to_point * (1.0 / maximum(distance, 1.0e-4))
+    facing = -dot(n, sight)
+    if facing < 0.0:
+        # At a silhouette a smoothed normal may point away from the eye: move it to the edge.
+        n = normalize(n - sight * (facing * -1.0))
+        facing = wp.float32(0.0)
+    return distance, sight, n, facing
+
+
+@wp.func
+def light_surface(
+    air: wp.array[Air],
+    beams: wp.array[Sunbeam],
+    lamps: wp.array[Lamps],
+    bodies: wp.array[Bodies],
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+    glow_lists: wp.array2d[wp.int32],
+    tile: wp.int32,
+    phase: wp.int32,
+    m: Material,
+    eye: wp.vec3f,
+    p: wp.vec3f,
+    n: wp.vec3f,
+    sight: wp.vec3f,
+    distance: wp.float32,
+    facing: wp.float32,
+):
+    """Return the light on a sample of a surface, the share of its mirror reflection, and its reuse class."""
+    lit = SurfaceLight()
+    free = contact_occlusion(bodies, body_lists, tile, p, n)
+    sky_left = open_sky(free, p, n)
+    back = wp.vec3f(-sight[0], -sight[1], -sight[2])
+    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
+    rest = AT_REST
+    if phase >= 0:
+        rest = LEAF + wp.uint8(phase)
+    if air[0].night > 0.0:
+        light, shine, past = add_lamps(air, lamps, lamp_lists, tile, m, p, n, back, facing, light, shine, past)
+    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
+    lit.light = light
+    lit.shine = shine
+    lit.left = transmittance(air, eye[2], p[2], distance)
+    mirrored = wp.float32(0.0)
+    if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
+        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * lit.left
+    elif m.coat > 0.0:
+        lit.sky = sky_reflection(air, m, p, sight, facing, sky_left)
+    lit.veil = fog_veil(air, sight)
+    lit.glow = add_glow(air, lamps, glow_lists, tile, eye, sight, distance, wp.vec3f(0.0, 0.0, 0.0))
+    return lit, mirrored, reuse_class
 
 
 @wp.func
@@ -303,37 +299,16 @@ def shade_surface(
     to_point: wp.vec3f,
 ):
     """Return the radiance of a sample of a surface, share and gloss of its mirror reflection, and its reuse class."""
-    distance = wp.sqrt(dot(to_point, to_point))
-    sight = to_point * (1.0 / maximum(distance, 1.0e-4))
-    facing = -dot(n, sight)
-    if facing < 0.0:
-        # At a silhouette a smoothed normal may point away from the eye: move it to the edge.
-        n = normalize(n - sight * (facing * -1.0))
-        facing = wp.float32(0.0)
+    distance, sight, n, facing = facing_eye(to_point, n)
     m = dry_material(samples, colours, air, i, surface, pattern, n)
     m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
     if patches[0].count > 0:
         m = patched_material(patches, colours[0].album, samples, i, surface, m)
-    free = contact_occlusion(bodies, body_lists, tile, p, n)
-    sky_left = open_sky(free, p, n)
-    back = wp.vec3f(-sight[0], -sight[1], -sight[2])
-    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
-    rest = AT_REST
-    if phase >= 0:
-        rest = LEAF + wp.uint8(phase)
-    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
-    if air[0].night > 0.0:
-        light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
-    radiance = multiply(m.albedo, light) + m.glow + shine
-    left = transmittance(air, samples[0].eye[2], p[2], distance)
-    mirrored = wp.float32(0.0)
-    if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
-        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * left
-    elif m.coat > 0.0:
-        radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
-    radiance = apply_fog(air, radiance, sight, left)
-    radiance = add_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance, radiance)
-    return radiance, mirrored, m.gloss, reuse_class
+    lit, mirrored, reuse_class = light_surface(
+        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
+        tile, phase, m, samples[0].eye, p, n, sight, distance, facing,
+    )  # fmt: skip
+    return surface_radiance(m.albedo, m.glow, lit), mirrored, m.gloss, reuse_class
 
 
 @wp.kernel
@@ -380,13 +355,14 @@ def shade_samples(
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
     phase = swaying_phase(air, pattern, p, to_point)
-    # (Leaves are always shaded: `is_light_unchanged` does not know how the wind has moved them. So are samples whose
-    # normal points away from the eye, which is corrected below: they are few.)
+    # (Always shaded: leaves, which the wind may have moved, and the few normals that point away from the eye.)
     if (
         i < previous[0].shared_count
         and phase < 0
         and dot(n, to_point) <= 0.0
-        and is_light_unchanged(previous, air, beams, bodies, body_lists, out_reuse_class[i], tile, p, n)
+        and is_light_unchanged(
+            previous, air, beams, lamps, bodies, lamp_lists, body_lists, out_reuse_class[i], tile, p, n
+        )
     ):
         return
     mark_dirty(previous, samples[0].pixels[i])

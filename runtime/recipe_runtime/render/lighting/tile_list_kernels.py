@@ -13,9 +13,11 @@ from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, non
 from recipe_runtime.render.numeric.vectors import dot
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of
 from recipe_runtime.render.scene.pinhole import Pinhole
+from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps, box_lit, lamp_visibility
 
 wp.set_module_options(OPTIONS)
 
+UNSHADOWED = wp.constant(16)  # of a tile: no moving object shadows it from its lamps
 MAX_PER_TILE = wp.constant(24)  # entries of a tile's list; further ones are dropped
 FADE_END_SQUARED = wp.constant(wp.float32(8.0))  # squared distance, in spreads, beyond which a body darkens nothing
 FADE_END_SHARE = wp.constant(wp.float32(1.0 / 81.0))  # its occlusion at that distance
@@ -30,7 +32,9 @@ class Lamps:
     power: wp.array[wp.vec3f]  # light on a white surface at one metre
     cone: wp.array[wp.vec2f]  # cosines of the angles at which the light is 0 and full
     reach: wp.array[wp.float32]  # metres
+    shadow: wp.array[wp.vec2f]  # slot of its shadow maps, and the strength of its shadow
     moves: wp.array[wp.int32]  # 1: may move between frames
+    maps: wp.array[LampMaps]  # one element
     count: wp.int32
 
 
@@ -187,6 +191,18 @@ def same_lamps(lamps: wp.array[Lamps], before: wp.array2d[wp.int32], now: wp.arr
     return True
 
 
+@wp.func
+def lamps_reach_box(
+    lamps: wp.array[Lamps], lists: wp.array2d[wp.int32], tile: wp.int32, low: wp.vec3f, high: wp.vec3f
+) -> bool:
+    """Return whether no moving object shadows a box from a tile's lamps."""
+    for k in range(lists[tile, 0]):
+        shadow = lamps[0].shadow[lists[tile, k + 1]]
+        if shadow[1] > 0.0 and not box_lit(lamps[0].maps, wp.int32(shadow[0]), low, high):
+            return False
+    return True
+
+
 @wp.kernel
 def compare_lists(
     lamps: wp.array[Lamps],
@@ -196,12 +212,14 @@ def compare_lists(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
+    lows: wp.array[wp.vec3f],
+    highs: wp.array[wp.vec3f],
     out_bits: wp.array[wp.int32],
 ):
-    """Compare a tile's lists with those of the earlier frame.
+    """Compare a tile's lists with those of the earlier frame; `lows` and `highs` are the corners of the tiles' boxes.
 
     Bit 0: no body darkens the tile; bit 1: the same static lamps illuminate it; bit 2: the same static lamps glow
-    before it.
+    before it; bit 4 (`UNSHADOWED`): no moving object shadows the tile from its lamps.
     """
     tile = wp.tid()
     bits = wp.int32(0)
@@ -209,6 +227,8 @@ def compare_lists(
         bits = bits | 1
     if same_lamps(lamps, lamps_before, lamp_lists, tile):
         bits = bits | 2
+    if lamps_reach_box(lamps, lamp_lists, tile, lows[tile], highs[tile]):
+        bits = bits | UNSHADOWED
     if same_lamps(lamps, glows_before, glow_lists, tile):
         bits = bits | 4
     out_bits[tile] = bits
@@ -272,3 +292,31 @@ def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) ->
     edge = 1.0 - s / (reach * reach)
     share = spot * edge * edge / (s + 0.15)
     return wp.vec4f(to[0], to[1], to[2], share)
+
+
+@wp.func
+def lamp_shadow(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f, to: wp.vec3f) -> wp.vec2f:
+    """Return the share of a lamp's light that reaches a point, and the share that moving objects alone would leave.
+
+    `n` is the surface's normal, `to` the unit vector to the lamp.
+    """
+    shadow = lamps[0].shadow[i]
+    share = wp.vec2f(1.0, 1.0)
+    if shadow[1] > 0.0:
+        seen = lamp_visibility(lamps[0].maps, wp.int32(shadow[0]), p, n, to)
+        share = wp.vec2f(1.0 - shadow[1] * (1.0 - seen[0]), seen[1])
+    return share
+
+
+@wp.func
+def lamps_shadowed(
+    lamps: wp.array[Lamps], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
+) -> bool:
+    """Return whether a moving object may shadow a point from one of a tile's lamps."""
+    for k in range(lists[tile, 0]):
+        i = lists[tile, k + 1]
+        d = lamps[0].position[i] - p
+        to = d * (1.0 / wp.sqrt(maximum(dot(d, d), 1.0e-4)))
+        if lamp_shadow(lamps, i, p, n, to)[1] < 1.0:
+            return True
+    return False

@@ -303,3 +303,28 @@ def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec
             row = row + fu
         total = total + row * wy
     return total / 9.0
+
+
+@wp.func
+def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+    """Return the share of the sun that moving objects leave to a point (maps 2 and 3)."""
+    moving = wp.int32(2)
+    if not map_contains(beams, moving, p):
+        moving = wp.int32(3)
+    return sun_visibility(beams, moving, p, n)
+
+
+@wp.func
+def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
+    """Return the share of the sun that reaches a point, and the share that moving objects alone would leave.
+
+    The latter is 1 where the static scene (maps 0 and 1) already blocks the sun.
+    """
+    still = wp.int32(0)
+    if not map_contains(beams, still, p):
+        still = wp.int32(1)
+    left = sun_visibility(beams, still, p, n)
+    moving = wp.float32(1.0)
+    if left > 0.0:
+        moving = moving_shadow(beams, p, n)
+    return wp.vec2f(minimum(left, moving), moving)

@@ -167,16 +167,25 @@ def wrap_coordinate(t: wp.float32, repeats: wp.int32) -> wp.float32:
     return minimum(maximum(t, 0.0), 1.0)
 
 
-@wp.func
-def image_at(album: wp.array[ImageAtlas], image: wp.int32, detail: wp.vec4f, code: wp.uint32) -> wp.vec3f:
-    """Return the mean linear colour of an image over the footprint of a pixel.
+@wp.struct
+class TapLine:
+    """The taps of an image for a footprint: points on a line, each interpolated in one level or between two."""
 
-    Taps lie along the longer side of the footprint; each is as wide as the shorter side, interpolated between two
-    levels.
-    """
+    count: wp.int32
+    level: wp.int32  # the finer of the two
+    finer: wp.float32  # weight of the level above it; 0: only one level
+    scale: wp.float32  # texels of the level per texel of the image
+    width: wp.float32  # of the image, texels
+    height: wp.float32
+    across: wp.float32  # length of the line, texels of the image
+    along: wp.float32
+
+
+@wp.func
+def tap_line(album: wp.array[ImageAtlas], image: wp.int32, detail: wp.vec4f, code: wp.uint32) -> TapLine:
+    """Return the taps for a footprint: along its longer side, each as wide as the shorter side."""
     first = album[0].first[image]
     last = album[0].first[image + 1] - 1
-    repeats = album[0].repeats[image]
     w = wp.float32(album[0].widths[first])
     h = wp.float32(album[0].heights[first])
     length = wp.sqrt(detail[2] * detail[2] + detail[3] * detail[3])
@@ -204,13 +213,30 @@ def image_at(album: wp.array[ImageAtlas], image: wp.int32, detail: wp.vec4f, cod
     finer = minimum(short - 1.0, 1.0)  # linear between two levels, in place of the logarithm of the size
     if level == last:
         finer = wp.float32(0.0)
+    return TapLine(taps, level, finer, scale, w, h, ax, ay)
+
+
+@wp.func
+def tap_at(line: TapLine, detail: wp.vec4f, repeats: wp.int32, k: wp.int32) -> wp.vec2f:
+    """Return the place of a tap, in texels of the line's level."""
+    along = (wp.float32(k) + 0.5) / wp.float32(line.count) - 0.5
+    return wp.vec2f(
+        wrap_coordinate(detail[0] + along * line.across / line.width, repeats) * line.width * line.scale,
+        wrap_coordinate(detail[1] + along * line.along / line.height, repeats) * line.height * line.scale,
+    )
+
+
+@wp.func
+def image_at(album: wp.array[ImageAtlas], image: wp.int32, detail: wp.vec4f, code: wp.uint32) -> wp.vec3f:
+    """Return the mean linear colour of an image over the footprint of a pixel."""
+    repeats = album[0].repeats[image]
+    line = tap_line(album, image, detail, code)
     total = wp.vec3f(0.0, 0.0, 0.0)
-    for k in range(taps):
-        along = (wp.float32(k) + 0.5) / wp.float32(taps) - 0.5
-        x = wrap_coordinate(detail[0] + along * ax / w, repeats) * w * scale
-        y = wrap_coordinate(detail[1] + along * ay / h, repeats) * h * scale
-        colour = bilinear(album, level, x, y, repeats)
-        if finer > 0.0:
-            colour = colour * (1.0 - finer) + bilinear(album, level + 1, x * 0.5, y * 0.5, repeats) * finer
+    for k in range(line.count):
+        at = tap_at(line, detail, repeats, k)
+        colour = bilinear(album, line.level, at[0], at[1], repeats)
+        if line.finer > 0.0:
+            upper = bilinear(album, line.level + 1, at[0] * 0.5, at[1] * 0.5, repeats)
+            colour = colour * (1.0 - line.finer) + upper * line.finer
         total = total + colour
-    return total * (1.0 / wp.float32(taps))
+    return total * (1.0 / wp.float32(line.count))

@@ -39,7 +39,7 @@ class ImageAtlases:
     """The image atlases of the appearances of a geometry; the last few are cached."""
 
     def __init__(self, geometry: Geometry, images: Images | None, device: str) -> None:
-        self._geometry, self._images, self._device = geometry, images or _no_images, device
+        self._geometry, self._images, self._device = geometry, images or no_images, device
         self._kept: dict[tuple[str, ...], Atlas] = {}
         self._levels: dict[TexturePlan, Levels] = {}  # of the images of the appearance that was used last
 
@@ -69,7 +69,8 @@ class ImageAtlases:
             self._kept.pop(next(iter(self._kept)))
 
 
-def _no_images(texture: TexturePlan) -> NDArray[np.uint8]:
+def no_images(texture: TexturePlan) -> NDArray[np.uint8]:
+    """Raise ValueError; for scenes without images."""
     raise ValueError(f"no reader was given for image sha256:{texture.file.sha256}")
 
 
@@ -84,14 +85,30 @@ def atlas_of(
     wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
     known = list(dict.fromkeys(texture for texture in (*wanted, *patched) if texture is not None))
     ladders = [levels_of(texture) for texture in known]
+    of_surface = [-1 if texture is None else known.index(texture) for texture in wanted]
+    atlas = image_atlas(ladders, [texture.repeat for texture in known], of_surface, device)
+    texels = sum(level.size for ladder in ladders for level in ladder)
+    return Atlas(atlas, {texture: number for number, texture in enumerate(known)}, texels)
+
+
+def image_atlas(
+    ladders: Sequence[Sequence[NDArray[np.uint32]]], repeats: Sequence[bool], of_surface: Sequence[int], device: str
+) -> DeviceArray:
+    """Return a one-element array of `ImageAtlas`.
+
+    Args:
+        ladders: The mip levels of each image, as `mip_levels` returns them.
+        repeats: Whether each image repeats beyond its edges.
+        of_surface: The image of each surface, -1 for none.
+        device: The device.
+    """
     levels = [level for ladder in ladders for level in ladder]
     sizes = np.array([level.size for level in levels], np.int64)
     texels = np.concatenate([level.reshape(-1) for level in levels]) if levels else np.zeros(1, np.uint32)
-    linear = np.array([srgb_to_linear(v) for v in range(256)], np.float32)
     columns = {
-        "of_surface": [-1 if texture is None else known.index(texture) for texture in wanted],
+        "of_surface": of_surface,
         "first": np.cumsum([0, *(len(ladder) for ladder in ladders)]),
-        "repeats": [texture.repeat for texture in known],
+        "repeats": repeats,
         "starts": np.cumsum(sizes) - sizes,
         "widths": [level.shape[1] for level in levels],
         "heights": [level.shape[0] for level in levels],
@@ -101,11 +118,15 @@ def atlas_of(
         ImageAtlas(),
         **{name: wp.array(values, dtype=wp.int32, device=device) for name, values in arrays.items()},
         texels=wp.array(texels, dtype=wp.uint32, device=device),
-        linear=wp.array(linear, dtype=wp.float32, device=device),
+        linear=wp.array(_linear(), dtype=wp.float32, device=device),
     )
-    return Atlas(
-        struct_array([atlas], device), {texture: number for number, texture in enumerate(known)}, int(texels.size)
-    )
+    return struct_array([atlas], device)
+
+
+@cache
+def _linear() -> NDArray[np.float32]:
+    """Return the linear light of each 8-bit value."""
+    return np.array([srgb_to_linear(v) for v in range(256)], np.float32)
 
 
 def mip_levels(pixels: NDArray[np.uint8]) -> Levels:

@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact, optics
-from recipe_compiler.ir.patches import PatchFace
+from recipe_compiler.ir.patches import STATIC, PatchFace, PatchPlan
 from recipe_compiler.ir.plan import CameraPlan
 
-from recipe_runtime.core.transforms import Array, compose, invert
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array, compose, invert, part_transforms
 
 Matrix = NDArray[np.float64]
 
@@ -29,6 +30,21 @@ def intrinsics(camera: CameraPlan) -> Matrix:
 def view_from_world(world_from_sensor: Array) -> Array:
     """Return the transform [3, 4] into the view of a sensor with this pose [3, 4] (x forward, y left, z up)."""
     return compose(_VIEW_FROM_SENSOR, invert(world_from_sensor))
+
+
+def view_from_part(patch: PatchPlan, trace: Trace, frame: int, view: Array) -> Array:
+    """Return the transform [3, 4] into the view of the part that carries a patch's first face.
+
+    Args:
+        patch: The patch.
+        trace: The motion of the scene.
+        frame: Number of the frame.
+        view: The view from the world, [3, 4].
+    """
+    part = patch.faces[0].part
+    if part == STATIC:
+        return view
+    return compose(view, part_transforms(trace, frame)[trace.parts.index(f"{patch.body}/{part}")])
 
 
 def homography(face: PatchFace, camera: CameraPlan, view_from_part: Array) -> Matrix:
@@ -98,9 +114,13 @@ def distort(camera: CameraPlan, x: float, y: float) -> tuple[float, float]:
 
 def undistorted_centres(camera: CameraPlan) -> tuple[Array, Array]:
     """Return x and y [H, W] of where a pinhole camera would show what the picture has at its pixels' centres."""
-    dx = np.arange(camera.width)[None, :] + 0.5 - camera.width / 2.0
-    dy = np.arange(camera.height)[:, None] + 0.5 - camera.height / 2.0
-    dx, dy = np.broadcast_arrays(dx, dy)
+    x, y = np.broadcast_arrays(np.arange(camera.width)[None, :] + 0.5, np.arange(camera.height)[:, None] + 0.5)
+    return undistorted(camera, x, y)
+
+
+def undistorted(camera: CameraPlan, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return where a pinhole camera would show what the picture has at points x, y (arrays of any shape)."""
+    dx, dy = x - camera.width / 2.0, y - camera.height / 2.0
     half = camera.width / 2.0
     square = (dx * dx + dy * dy) / (half * half)
     factor = 1.0 + square * (camera.lens_k + camera.lens_kcube * np.sqrt(square))

@@ -1,0 +1,146 @@
+"""A patch in a frame as a function of its texture, with the exact gradient.
+
+Each pixel that shows the patch has one sample or, at edges, up to four. By sample, the light is linear in the texture:
+
+    radiance = gain * (A @ M @ linear(texture)) + offset
+
+M makes mip levels, and A is sparse: the texels that the renderer reads for the sample, with their weights. gain holds
+sun, sky, lamps, shadow, coverage and fog; offset what does not depend on the texture. Samples of wet ground that mirror
+a patch have rows too. The camera tone-maps samples, averages those of a pixel, and adds noise: see `camera_curve`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.errors import InputError
+
+from recipe_runtime.attacks import camera_curve
+from recipe_runtime.attacks.mip_chain import MipChain, linear_light
+from recipe_runtime.attacks.pixel_light import PixelLight
+from recipe_runtime.attacks.textures import check_size
+from recipe_runtime.render.retexture.patched_frame import PatchedFrame
+from recipe_runtime.render.retexture.sparse import SparseProduct
+from recipe_runtime.render.texture.mipmaps import mip_levels
+
+Values = NDArray[np.float64]
+Texture = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The values of a patch's pixels for one texture, and their derivative."""
+
+    values: Values  # [Q, 3], 0 to 1
+    _view: PatchView
+    _steps: tuple[Values, ...]
+
+    def backward(self, gradient: Values) -> Values:
+        """Return the gradient [h, w, 3] of the texture of a gradient [Q, 3] of the values."""
+        return self._view.transposed(self._steps, gradient)
+
+
+class PatchView:
+    """A patch in a frame of a sensor.
+
+    Attributes:
+        pixels: Index, row by row, of each of the Q pixels that change with the texture, int32 [Q].
+        picture: The frame with the texture of the recipe, uint8 [H, W, 3].
+        gain: float64 [N, 3], by sample of these pixels.
+        offset: float64 [N, 3].
+        samples: The K of them that the patch covers, int32 [K]: the rows of A.
+        taps: A and its transpose, see `SparseProduct`.
+        mips: M and its transpose.
+    """
+
+    def __init__(self, frame: PatchedFrame, patch: str, width: int, height: int) -> None:
+        self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
+        rows = frame.rows(patch)
+        self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
+        self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
+        self.mips = MipChain(width, height)
+        self._light = PixelLight(frame.recording, frame.curve, frame.streak)
+        self.curve, self.pixels = frame.curve, frame.recording.pixels
+        self.picture = frame.render({})
+
+    def linearise(self, texture: Texture) -> Linearised:
+        """Return the values of the pixels for a texture, uint8 or 0 to 1, [h, w, 3], and their derivative."""
+        light, rise = linear_light(as_values(texture, self.shape))
+        level, saved = self._light.forward(self._radiance(self.mips.forward(light)))
+        noisy, noise_rise = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
+        values, curve_rise = camera_curve.encoded(noisy, self.curve.encoded)
+        return Linearised(values, self, (rise, curve_rise * noise_rise, *saved))
+
+    def forward(self, texture: Texture) -> Values:
+        """Return the picture for a texture, float64 [H, W, 3], 0 to 1; its pixels' values are not rounded."""
+        out = self.picture / 255.0
+        out.reshape(-1, 3)[self.pixels] = self.linearise(texture).values
+        return out
+
+    def backward(self, texture: Texture, gradient: Values) -> Values:
+        """Return the vector-Jacobian product of `forward`.
+
+        Args:
+            texture: Where the derivative is taken, [h, w, 3].
+            gradient: Of the picture, [H, W, 3].
+
+        Returns:
+            The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
+        """
+        return self.linearise(texture).backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64))
+
+    def render(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the rendered picture for a texture, uint8 [H, W, 3], as `Scenario.render` does."""
+        return self._frame.render({self.patch: texture})
+
+    def rounded(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the picture for a texture by the linear map, rounded where the renderer rounds."""
+        texels = np.concatenate([level.reshape(-1) for level in mip_levels(texture)])
+        channels = np.stack([texels & 255, texels >> 8 & 255, texels >> 16 & 255], axis=-1)
+        level, _ = self._light.forward(self._radiance(linear_light(channels / 255.0)[0]))
+        noisy, _ = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
+        out = self.picture.copy()
+        out.reshape(-1, 3)[self.pixels] = camera_curve.rounded(noisy, self.curve.rounded)
+        return out
+
+    def transposed(self, steps: tuple[Values, ...], gradient: Values) -> Values:
+        """Return the gradient of the texture; `steps` are the derivatives that `linearise` saved."""
+        rise, curve_rise, *saved = steps
+        radiance = self._light.backward(tuple(saved), gradient * curve_rise)
+        texels = self.taps.backward(np.ascontiguousarray((radiance * self.gain)[self.samples]))
+        return self.mips.backward(texels) * rise
+
+    def _radiance(self, texels: Values) -> Values:
+        radiance = self.offset.copy()
+        radiance[self.samples] += self.gain[self.samples] * self.taps.forward(texels)
+        return radiance
+
+
+def patch_view(frame: PatchedFrame, patch: str, size: tuple[int, int] | None) -> PatchView:
+    """Return the view of a patch, for textures of a size (height, width) or of the recipe's image.
+
+    Raises:
+        InputError: No size is given and the patch has no image, or the size is too large.
+    """
+    if frame.has_post_process:
+        raise InputError(
+            f"patch {patch}: the camera has motion blur, bloom, distortion, chromatic aberration or supersampling,"
+            " through which there is no gradient; remove them"
+        )
+    own = frame.texture_size(patch)
+    if size is None:
+        if own is None:
+            raise InputError(f"patch {patch}: its texture is a colour, which has no size; give the texture's size")
+        size = own[1], own[0]
+    check_size(patch, size[1], size[0])
+    return PatchView(frame, patch, size[1], size[0])
+
+
+def as_values(texture: Texture, shape: tuple[int, ...]) -> Values:
+    """Return a texture as float64, 0 to 1; ValueError unless it has the shape."""
+    if texture.shape != shape:
+        raise ValueError(f"the texture has the shape {texture.shape}, not {shape}")
+    values: Values = texture.astype(np.float64)
+    return values / 255.0 if texture.dtype == np.uint8 else values

@@ -1,0 +1,57 @@
+"""From the radiance of a frame's patched samples to the linear levels of the pixels that show them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recipe_runtime.attacks import camera_curve
+from recipe_runtime.render.retexture.patched_frame import CameraCurve
+from recipe_runtime.render.retexture.recording import Recording
+
+Values = NDArray[np.float64]
+
+
+class PixelLight:
+    """Mirrors of wet ground, rain, exposure, tone curve and antialiasing, by slot and pixel of a recording."""
+
+    def __init__(self, recording: Recording, curve: CameraCurve, streak: NDArray[np.float32]) -> None:
+        self._mirrors, size = recording.mirrors, len(recording.radiance)
+        self._fixed = np.minimum(self._mirrors.sources, 0).astype(np.bool_)
+        # What wet ground mirrors beside a patch, and no texture changes.
+        self._mirrored = (recording.shown - recording.radiance).astype(np.float64)
+        self._mirrored[recording.slots] = self._mirrored[self._mirrors.slots] = 0.0
+        pixel = np.repeat(np.arange(len(recording.pixels)), recording.counts)
+        drops = np.minimum(recording.rain / 65536.0, 0.8)[pixel, None]
+        exposed = (curve.gain.astype(np.float64)[:, None] * curve.white)[pixel]
+        self._factor, self._rain = (1.0 - drops) * exposed, drops * streak * exposed
+        self._weights, self._size = recording.weights.astype(np.float64)[:, None], size
+        places = np.arange(4)
+        inside = places < recording.counts[:, None]
+        self._slots = np.where(inside, recording.first_slots[:, None] + places, size)  # [Q, 4]; `size` holds zeros
+        self._pixel = pixel
+
+    def forward(self, radiance: Values) -> tuple[Values, tuple[Values, ...]]:
+        """Return the level of each pixel, [Q, 3] of [N, 3], and what `backward` needs."""
+        m = self._mirrors
+        shown: Values = radiance + self._mirrored
+        limited: Values = np.zeros((len(m.slots), 3))
+        if len(m.slots):
+            source = np.where(self._fixed[:, None], m.limits, radiance[m.sources])
+            limited = np.where(self._fixed[:, None] | (source > m.limits), 0.0, 1.0)
+            shown[m.slots] += np.minimum(source, m.limits) * m.shares[:, None]
+        level, rise = camera_curve.tone(shown * self._factor + self._rain)
+        weighted = np.concatenate([level * self._weights, np.zeros((1, 3))])
+        a, b, c, d = (weighted[self._slots[:, k]] for k in range(4))
+        return ((a + b) + c) + d, (rise * self._weights * self._factor, limited)
+
+    def backward(self, saved: tuple[Values, ...], gradient: Values) -> Values:
+        """Return the gradient of the radiance, [N, 3] of [Q, 3]."""
+        (rise, limited), m = saved, self._mirrors
+        shown = gradient[self._pixel] * rise
+        if not len(m.slots):
+            return shown
+        mirrored = shown[m.slots] * limited * m.shares[:, None]
+        sources = np.where(self._fixed, 0, m.sources)
+        added = [np.bincount(sources, mirrored[:, channel], self._size) for channel in range(3)]  # in order
+        return shown + np.stack(added, axis=-1)

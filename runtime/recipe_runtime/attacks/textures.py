@@ -1,0 +1,92 @@
+"""Textures that callers give: checked, and converted to what the renderer takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.assets.png import MAX_PIXELS, MAX_SIDE
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.patches import PatchPlan
+
+
+def rendered_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
+    """Return the patch of a name.
+
+    Raises:
+        InputError: There is none, it shows the placeholder, or a texture is inserted into the finished picture.
+    """
+    found = next((patch for patch in patches if patch.name == name), None)
+    if found is None:
+        names = ", ".join(patch.name for patch in patches)
+        has = f"it has {names}" if names else "it has none"
+        raise InputError(f"the variant has no patch {name!r}; {has}", code=Code.UNKNOWN_NAME)
+    if found.mode != "rendered":
+        raise InputError(
+            f"patch {name}: its mode is {found.mode}, so no texture is rendered; choose a variant with mode rendered"
+        )
+    inserted = [patch.name for patch in patches if patch.inserted]
+    if inserted:
+        raise InputError(
+            f"patch {inserted[0]}: its texture is inserted into the finished picture, so other textures cannot be"
+            " rendered below it; choose a variant without insertion"
+        )
+    return found
+
+
+def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, Any]) -> dict[str, NDArray[np.uint8]]:
+    """Return textures by the name of their patch, uint8 [h, w, 3] sRGB; see `as_array` for what is accepted.
+
+    Raises:
+        InputError: A patch does not exist or shows the placeholder, or a texture is not an image.
+    """
+    return {rendered_patch(patches, name).name: as_image(name, texture) for name, texture in textures.items()}
+
+
+def as_image(name: str, texture: Any) -> NDArray[np.uint8]:
+    """Return a patch's texture as uint8 [h, w, 3]; numbers from 0 to 1 are rounded, halves up."""
+    values = as_array(name, texture)
+    if values.dtype == np.uint8:
+        return values.astype(np.uint8)
+    image: NDArray[np.uint8] = np.floor(np.clip(values, 0.0, 1.0).astype(np.float64) * 255.0 + 0.5).astype(np.uint8)
+    return image
+
+
+def as_array(name: str, texture: Any) -> NDArray[Any]:
+    """Return a patch's texture as an array [h, w, 3] of uint8, or of floats from 0 to 1.
+
+    Args:
+        name: The patch, for messages.
+        texture: An array [h, w, 3], or a tensor [3, h, w] or [1, 3, h, w]; uint8, or floats from 0 to 1.
+
+    Raises:
+        InputError: It is something else, or larger than an image of a recipe may be.
+    """
+    if hasattr(texture, "detach"):  # a tensor, channels first
+        texture = texture.detach().cpu().numpy()
+        if texture.ndim == 4 and texture.shape[0] == 1:
+            texture = texture[0]
+        texture = np.moveaxis(texture, 0, -1) if texture.ndim == 3 else texture
+    values: NDArray[Any] = np.asarray(texture)
+    if values.ndim != 3 or values.shape[2] != 3 or not values.size:
+        raise InputError(
+            f"the texture of {name} has the shape {values.shape}; give an array [height, width, 3], or a tensor"
+            " [3, height, width]"
+        )
+    check_size(name, values.shape[1], values.shape[0])
+    if values.dtype != np.uint8 and values.dtype.kind != "f":
+        raise InputError(f"the texture of {name} is of {values.dtype}; give uint8, or floats from 0 to 1")
+    if values.dtype.kind == "f" and not np.isfinite(values).all():
+        raise InputError(f"the texture of {name} has values that are not finite; give floats from 0 to 1")
+    return values
+
+
+def check_size(name: str, width: int, height: int) -> None:
+    """Raise InputError if a texture is larger than an image of a recipe may be, or empty."""
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        raise InputError(
+            f"the texture of {name} is {width} x {height}; at most {MAX_SIDE} per side and {MAX_PIXELS} pixels"
+            " are allowed"
+        )

@@ -1,0 +1,1 @@
+"""Textures inserted into finished pictures: by a homography, with a colour transform or without."""

@@ -1,0 +1,134 @@
+"""Colour transforms of a texture that is inserted into a picture, by published methods.
+
+- dapricot: D-APRICOT's, as Armory has it. A matrix [3, 4] from known to observed colours of a chart, both decoded with
+  an exponent of 2.2, is applied to the texture; after insertion each pixel is multiplied by its brightness ratio.
+- matrix: the same, but the ratio is to the placeholder's brightness through the matrix, so that light counts once.
+- armory: Armory's for CARLA: the brightness ratio alone.
+- reap: REAP's polynomial of degree 1: one line per channel from known to observed values of the chart, without the
+  hundredth of the pixels that differ most.
+
+The brightness ratio of a pixel is the greatest channel of what it shows of the placeholder, divided by the greatest
+channel of the placeholder itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.patches import GREEN, TransferMethod
+
+from recipe_runtime.core.transforms import Array
+from recipe_runtime.insertion.color_chart import COLORS, ChartPixels
+from recipe_runtime.insertion.least_squares import least_squares
+
+_GAMMA = 2.2
+_PLACEHOLDER = tuple(float(int(GREEN[k : k + 2], 16)) for k in (1, 3, 5))
+_KEPT = 99, 100  # share of the pixels that the fit keeps, as a fraction: REAP's default
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """A colour transform.
+
+    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `reference` is the placeholder's greatest
+    channel to which the brightness of each pixel is related; None if its brightness is not used.
+    """
+
+    texture: Callable[[Array], Array]
+    reference: float | None
+
+    def ratios(self, placeholder: NDArray[np.uint8]) -> Array:
+        """Return the factors [N, 1] of pixels [N, 3] that show the placeholder."""
+        if self.reference is None:
+            return np.ones((len(placeholder), 1))
+        ratios: Array = placeholder.max(axis=1, keepdims=True).astype(np.float64) / self.reference
+        return ratios
+
+
+def uses_chart(method: TransferMethod | None) -> bool:
+    """Whether a method, or None, needs the picture of a chart."""
+    return method in ("dapricot", "matrix", "reap")
+
+
+def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:
+    """Return the transform of a method.
+
+    Args:
+        method: The method.
+        chart: What the picture shows of the chart, for a method that uses it. If too few of its cells are seen, the
+            transform is that of `armory`.
+    """
+    if method in ("dapricot", "matrix") and chart is not None:
+        matrix = _matrix(chart)
+        if matrix is not None:
+            seen = float(_through_matrix(np.array([[_PLACEHOLDER]]), matrix).max())
+            reference = max(_PLACEHOLDER) if method == "dapricot" else max(seen, 1.0)
+            return Transfer(lambda texture: _through_matrix(texture, matrix), reference)
+    if method == "reap" and chart is not None:
+        lines = _lines(chart)
+        if lines is not None:
+            return Transfer(lambda texture: _through_lines(texture, lines), None)
+    return Transfer(lambda texture: texture, max(_PLACEHOLDER))
+
+
+def _matrix(chart: ChartPixels) -> list[list[float]] | None:
+    """The rows, one per channel, that make linear observed colours of (r, g, b, 1); None if undetermined."""
+    cells = chart.cells
+    known = [[*(_decoded()[value] for value in COLORS[cell]), 1.0] for cell in cells]
+    rows = []
+    for channel in range(3):
+        seen = [exact.power(chart.mean(cell, channel) / 255.0, _GAMMA) for cell in cells]
+        row = least_squares(known, seen)
+        if row is None:
+            return None
+        rows.append(row)
+    return rows
+
+
+def _through_matrix(texture: Array, matrix: list[list[float]]) -> Array:
+    """A texture through a matrix, rounded to levels before and down to levels after, as D-APRICOT does."""
+    levels = np.floor(texture + 0.5).astype(np.int64)
+    r, g, b = (np.array(_decoded())[levels[..., channel]] for channel in range(3))
+    out = np.empty_like(texture)
+    for channel, (x, y, z, one) in enumerate(matrix):
+        linear = ((x * r + y * g) + z * b) + one
+        out[..., channel] = np.searchsorted(np.array(_decoded()[1:]), linear, side="right")
+    out[levels == 255] = 255.0  # saturated values stay
+    return out
+
+
+def _lines(chart: ChartPixels) -> list[tuple[float, float]] | None:
+    """Slope and offset of each channel; None if undetermined."""
+    found = []
+    for channel in range(3):
+        cells, seen = np.nonzero(chart.counts[:, channel])
+        counts = chart.counts[cells, channel, seen]
+        known = np.array([COLORS[cell][channel] for cell in cells], np.int64)
+        order = np.lexsort((seen, known, np.abs(known - seen)))
+        known, seen, counts = known[order], seen[order], counts[order]
+        limit = int(counts.sum()) * _KEPT[0] // _KEPT[1]
+        before = np.cumsum(counts) - counts
+        counts = np.clip(limit - before, 0, counts)
+        rows = [[int(value), 1] for value in known]
+        line = least_squares(rows, [int(value) for value in seen], [int(n) for n in counts])
+        if line is None:
+            return None
+        found.append((line[0], line[1]))
+    return found
+
+
+def _through_lines(texture: Array, lines: list[tuple[float, float]]) -> Array:
+    slope, offset = np.array([a for a, _ in lines]), np.array([b for _, b in lines])
+    changed: Array = np.clip(texture * slope + offset, 0.0, 255.0)
+    return changed
+
+
+@cache
+def _decoded() -> tuple[float, ...]:
+    """The linear value of each level."""
+    return tuple(exact.power(level / 255.0, _GAMMA) for level in range(256))

@@ -1,0 +1,273 @@
+"""A frame that is rendered again with other textures on its patches: its patched samples alone are shaded again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.plan import AppearancePlan
+
+from recipe_runtime.render.camera import exposure
+from recipe_runtime.render.camera.camera_pass import CameraPass
+from recipe_runtime.render.camera.develop_kernels import LEVELS
+from recipe_runtime.render.camera.motion_blur import NeighbourFrame
+from recipe_runtime.render.camera.post_process import needs_post_process
+from recipe_runtime.render.device.arrays import DeviceArray, copy_struct, set_fields, struct_array, struct_of
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.patches.patch_arrays import texture_of
+from recipe_runtime.render.patches.patch_kernels import PatchArrays
+from recipe_runtime.render.raster.observation import Observation
+from recipe_runtime.render.retexture.record_kernels import count_taps, record_taps
+from recipe_runtime.render.retexture.recording import record
+from recipe_runtime.render.retexture.relight_kernels import (
+    develop_listed,
+    expose_listed,
+    mirror_again,
+    pixel_deviates,
+    relight,
+)
+from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
+from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
+
+Pixels = NDArray[np.uint8]
+_ROUNDING = 2e-5  # by which the coverage of a pixel within a patch may miss 1
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCurve:
+    """How the camera turns a pixel's light into a level, by pixel of the Q that change."""
+
+    gain: NDArray[np.float32]  # [Q] of exposure and vignette
+    white: NDArray[np.float32]  # [3]
+    noise: float
+    deviates: NDArray[np.float32]  # [Q, 3]
+    encoded: NDArray[np.float64]  # [LEVELS] the picture's value, 0 to 1, of each linear level, before rounding
+    rounded: Pixels  # [LEVELS]
+
+
+@dataclass(frozen=True, eq=False)
+class PatchRows:
+    """A patch in a frame: by slot, radiance = gain * texture + offset, where texture is the linear colour of a sample.
+
+    Slots without the patch have a gain of 0.
+    """
+
+    samples: NDArray[np.int32]  # [S] slots that the patch covers
+    gain: NDArray[np.float64]  # [N, 3]
+    offset: NDArray[np.float64]  # [N, 3]
+
+
+class PatchedFrame:
+    """A frame and its patched samples. It does not refer to the renderer's caches, so other frames may follow."""
+
+    def __init__(
+        self,
+        camera: CameraPass,
+        images: Images,
+        obs: Observation,
+        appearance: AppearancePlan,
+        sensor: str,
+        frame: int,
+        time: float,
+        neighbour: NeighbourFrame | None,
+        device: str,
+    ) -> None:
+        """Render the frame; arguments are those of `Renderer.shade`."""
+        self.device, self._images, self._pass = device, images, camera
+        taken = camera.expose(obs, appearance, sensor, frame, time)
+        self.camera, self._neighbour = obs.camera, neighbour
+        inputs = camera.shading.inputs(taken.undistorted, appearance, taken.light, frame)
+        self.recording = record(taken.undistorted, taken, inputs, device)
+        self.plans = appearance.patches
+        self._textures = {p.name: texture_of(p, frame) for p in appearance.patches}
+        self._patches = copy_struct(struct_of(inputs.patches))
+        self._ladders: dict[str, list[NDArray[np.uint32]]] = {}
+        self.has_post_process = needs_post_process(obs.camera, taken.response, neighbour)
+        if self.has_post_process:
+            self._hdr = camera.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
+        else:
+            self._picture = camera.developed(taken, obs.camera)
+        self._seen = (taken.undistorted, obs) if self.has_post_process else None
+        self._response, self._record = taken.response, taken.record
+
+    def render(self, textures: Mapping[str, Pixels]) -> Pixels:
+        """Return the picture with other textures, uint8 [H, W, 3] sRGB.
+
+        Args:
+            textures: Images by the name of the patch, uint8 [h, w, 3] sRGB; patches without one keep their own.
+        """
+        shown = self._relit(self._patches_with(textures), self._album(textures))[1]
+        rec = self.recording
+        if self._seen is not None:
+            light = wp.clone(self._hdr)
+            if len(rec.pixels):
+                listed = {"listed": rec.listed, "shown": shown, "response": self._record, "out_hdr_image": light}
+                launch(expose_listed, len(rec.pixels), self.device, **listed)
+            out = self._pass.post.finish(light, *self._seen, self._response, self._record, self._neighbour)
+        else:
+            out = self._picture
+            self._develop(shown, out)
+        picture: Pixels = out.numpy().reshape(self.camera.height, self.camera.width, 3)
+        return picture.copy()
+
+    def _develop(self, shown: DeviceArray, out: DeviceArray) -> None:
+        tables = self._pass.tables.by_pixel(self._response, self.camera)
+        if len(self.recording.pixels):
+            launch(
+                develop_listed,
+                len(self.recording.pixels),
+                self.device,
+                listed=self.recording.listed,
+                shown=shown,
+                responses=struct_array([self._record], self.device),
+                gains=tables.gains,
+                tone_table=tables.tone,
+                deviates=tables.deviates,
+                out_rgb=out,
+            )
+
+    def rows(self, patch: str) -> PatchRows:
+        """Return how the light of the slots depends on a patch's texture; other patches show their own."""
+        number = self._number(patch)
+        album = self._album({})
+        light = []
+        for value in (0.0, 1.0):
+            image, colour = self._images_with({}).copy(), self._patches.colour.numpy().copy()
+            image[number], colour[number] = -1, value
+            light.append(self._relit(self._patches_of(image, colour), album)[0].numpy().astype(np.float64))
+        rec = self.recording
+        of_patch = rec.patches == number
+        samples = rec.slots[np.repeat(np.arange(len(rec.slots)), np.diff(rec.firsts))[of_patch]]
+        gain = light[1] - light[0]
+        gain[np.abs(gain) < _ROUNDING * light[1]] = 0.0  # below a patch that hides it
+        return PatchRows(samples, gain, light[0])
+
+    def taps(self, patch: str, width: int, height: int) -> RowMatrix:
+        """Return the texels that each of a patch's samples reads, in a texture of a size with all its mip levels.
+
+        Rows are `PatchRows.samples`; columns are texels, row by row, from the texture itself to its last level.
+        """
+        of_patch = np.flatnonzero(self.recording.patches == self._number(patch))
+        levels = mip_levels(np.zeros((height, width, 3), np.uint8))
+        album, texels = image_atlas([levels], [False], [], self.device), sum(level.size for level in levels)
+        count, recorded = len(of_patch), struct_of(self.recording.recorded)
+        if not count:
+            return row_matrix(np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros(0), texels)
+        places: DeviceArray = wp.array(recorded.places.numpy()[of_patch], dtype=wp.vec4f, device=self.device)
+        codes: DeviceArray = wp.array(recorded.codes.numpy()[of_patch], dtype=wp.uint32, device=self.device)
+        counts = wp.empty(count, dtype=wp.int32, device=self.device)
+        launch(count_taps, count, self.device, album=album, places=places, codes=codes, out_counts=counts)
+        firsts = np.cumsum([0, *counts.numpy()]).astype(np.int32)
+        out_texels = wp.empty(int(firsts[-1]), dtype=wp.int32, device=self.device)
+        weights = wp.empty(int(firsts[-1]), dtype=wp.float64, device=self.device)
+        launch(
+            record_taps,
+            count,
+            self.device,
+            album=album,
+            places=places,
+            codes=codes,
+            firsts=wp.array(firsts, dtype=wp.int32, device=self.device),
+            out_texels=out_texels,
+            out_weights=weights,
+        )
+        return row_matrix(firsts, out_texels.numpy(), weights.numpy(), texels)
+
+    @cached_property
+    def curve(self) -> CameraCurve:
+        """The camera's settings for the pixels that change."""
+        rec, r, device = self.recording, self._record, self.device
+        deviates = wp.empty(max(len(rec.pixels), 1), dtype=wp.vec3f, device=device)
+        tables = self._pass.tables.by_pixel(self._response, self.camera)
+        launch(
+            pixel_deviates,
+            len(rec.pixels),
+            device,
+            pixels=struct_of(rec.listed).pixels,
+            key=r.key,
+            deviates=tables.deviates,
+            out_deviates=deviates,
+        )
+        gain = tables.gains.numpy()[rec.pixels] * np.float32(r.exposure)
+        return CameraCurve(
+            gain=gain,
+            white=np.array(exposure.white(self._response), np.float32),
+            noise=float(r.noise),
+            deviates=deviates.numpy()[: len(rec.pixels)],
+            encoded=exposure.encoded(int(LEVELS), self._response.gamma),
+            rounded=tables.tone.numpy(),
+        )
+
+    @property
+    def streak(self) -> NDArray[np.float32]:
+        """Radiance of a streak of rain, [3]."""
+        streak = struct_of(self.recording.listed).streak
+        return np.array([streak[0], streak[1], streak[2]], np.float32)
+
+    def texture_size(self, patch: str) -> tuple[int, int] | None:
+        """Return width and height of a patch's own image; None for a colour."""
+        self._number(patch)
+        ladder = self._ladder(patch)
+        return None if ladder is None else (ladder[0].shape[1], ladder[0].shape[0])
+
+    def _number(self, patch: str) -> int:
+        return [plan.name for plan in self.plans].index(patch)
+
+    def _ladder(self, patch: str) -> list[NDArray[np.uint32]] | None:
+        texture = self._textures[patch]
+        if texture is None:
+            return None
+        if patch not in self._ladders:
+            self._ladders[patch] = mip_levels(self._images(texture))
+        return self._ladders[patch]
+
+    def _relit(self, patches: DeviceArray, album: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        """Return the radiance of the slots, without and with what wet ground mirrors."""
+        rec, device = self.recording, self.device
+        radiance: DeviceArray = wp.array(rec.radiance, dtype=wp.vec3f, device=device)
+        shown: DeviceArray = wp.array(rec.shown, dtype=wp.vec3f, device=device)
+        if len(rec.slots):
+            outputs = {"out_radiance": radiance, "out_shown": shown}
+            launch(relight, len(rec.slots), device, recorded=rec.recorded, patches=patches, album=album, **outputs)
+        mirrors = rec.mirrors
+        if len(mirrors.slots):
+            launch(
+                mirror_again,
+                len(mirrors.slots),
+                device,
+                slots=wp.array(mirrors.slots, dtype=wp.int32, device=device),
+                shares=wp.array(mirrors.shares, dtype=wp.float32, device=device),
+                sources=wp.array(mirrors.sources, dtype=wp.int32, device=device),
+                limits=wp.array(mirrors.limits, dtype=wp.vec3f, device=device),
+                radiance=radiance,
+                out_shown=shown,
+            )
+        return radiance, shown
+
+    def _album(self, textures: Mapping[str, Pixels]) -> DeviceArray:
+        """Return an atlas of the images that patches show, in the order of the patches."""
+        ladders = [
+            mip_levels(textures[p.name]) if p.name in textures else self._ladder(p.name) or [] for p in self.plans
+        ]
+        ladders = [ladder for ladder in ladders if ladder]
+        return image_atlas(ladders, [False] * len(ladders), [], self.device)
+
+    def _images_with(self, textures: Mapping[str, Pixels]) -> NDArray[np.int32]:
+        """Return the number of each patch's image in `_album`, -1 for a colour."""
+        has = np.array([p.name in textures or self._textures[p.name] is not None for p in self.plans], np.bool_)
+        return np.where(has, np.cumsum(has) - 1, -1).astype(np.int32)
+
+    def _patches_with(self, textures: Mapping[str, Pixels]) -> DeviceArray:
+        return self._patches_of(self._images_with(textures), self._patches.colour.numpy())
+
+    def _patches_of(self, image: NDArray[np.int32], colour: NDArray[np.float32]) -> DeviceArray:
+        patches: PatchArrays = copy_struct(self._patches)
+        fields: dict[str, DeviceArray] = {
+            "image": wp.array(image, dtype=wp.int32, device=self.device),
+            "colour": wp.array(colour, dtype=wp.vec3f, device=self.device),
+        }
+        return struct_array([set_fields(patches, **fields)], self.device)

@@ -1,0 +1,87 @@
+"""Sparse matrices by rows (CSR) on a device, with their transposes: products in fixed order, without atomics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.retexture.relight_kernels import multiply_rows
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RowMatrix:
+    """A sparse matrix [R, C]: row r has the entries firsts[r] .. firsts[r + 1] - 1, columns rising."""
+
+    firsts: NDArray[np.int32]  # [R + 1]
+    columns: NDArray[np.int32]
+    weights: Values
+    width: int  # C
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return len(self.firsts) - 1, self.width
+
+    def transposed(self) -> RowMatrix:
+        """Return the transpose; it has the same entries."""
+        order = np.argsort(self.columns, kind="stable")
+        rows = np.repeat(np.arange(self.shape[0], dtype=np.int32), np.diff(self.firsts))
+        firsts = np.searchsorted(self.columns[order], np.arange(self.width + 1)).astype(np.int32)
+        return RowMatrix(firsts, rows[order], self.weights[order], self.shape[0])
+
+
+def row_matrix(firsts: NDArray[np.int32], columns: NDArray[np.int32], weights: Values, width: int) -> RowMatrix:
+    """Return a matrix of entries in any order; those of one row and column are added, zeros are left out."""
+    rows = np.repeat(np.arange(len(firsts) - 1, dtype=np.int64), np.diff(firsts))
+    places = rows * width + columns
+    order = np.argsort(places, kind="stable")
+    places, weights = places[order], weights[order]
+    new = np.diff(places, prepend=-1) != 0
+    starts = np.flatnonzero(new)
+    sums = np.bincount(np.cumsum(new) - 1, weights, len(starts))  # in order
+    kept = sums != 0.0
+    found, sums = places[starts][kept], sums[kept]
+    ends = np.searchsorted(found, np.arange(len(firsts), dtype=np.int64) * width).astype(np.int32)
+    return RowMatrix(ends, (found % width).astype(np.int32), sums, width)
+
+
+class SparseProduct:
+    """Products with a sparse matrix and with its transpose, on a device."""
+
+    def __init__(self, matrix: RowMatrix, device: str) -> None:
+        self.matrix, self.transpose = matrix, matrix.transposed()
+        self._device = device
+        self._arrays = [_uploaded(m, device) for m in (self.matrix, self.transpose)]
+
+    def forward(self, x: Values) -> Values:
+        """Return A x: float64 [R, 3] of [C, 3]."""
+        return self._multiply(0, x, self.matrix.shape[0])
+
+    def backward(self, y: Values) -> Values:
+        """Return A^T y: float64 [C, 3] of [R, 3]."""
+        return self._multiply(1, y, self.matrix.width)
+
+    def _multiply(self, which: int, x: Values, rows: int) -> Values:
+        if not rows:
+            return np.zeros((0, 3))
+        firsts, columns, weights = self._arrays[which]
+        out = wp.empty(rows, dtype=wp.vec3d, device=self._device)
+        vectors: wp.array[wp.vec3d] = wp.array(np.ascontiguousarray(x), dtype=wp.vec3d, device=self._device)
+        inputs = {"firsts": firsts, "columns": columns, "weights": weights, "x": vectors}
+        launch(multiply_rows, rows, self._device, out_y=out, **inputs)
+        product: Values = out.numpy()
+        return product
+
+
+def _uploaded(matrix: RowMatrix, device: str) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
+    firsts: DeviceArray = wp.array(matrix.firsts, dtype=wp.int32, device=device)
+    columns: DeviceArray = wp.array(matrix.columns, dtype=wp.int32, device=device)
+    weights: DeviceArray = wp.array(matrix.weights, dtype=wp.float64, device=device)
+    return firsts, columns, weights

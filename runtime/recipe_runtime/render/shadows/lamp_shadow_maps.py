@@ -1,0 +1,141 @@
+"""Shadow maps of lamps, host side: of the static scene once for a lamp, of moving objects every frame."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from recipe_runtime.core.transforms import Array
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, zeros
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts
+from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.shadows import lamp_shadow_kernels as kernels
+from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps, StaticLampMap
+from recipe_runtime.render.shadows.lamp_slots import MAP_KINDS, MAP_NAMES, SLOTS, STATIC_SLOTS, LampSlots
+
+_TEXELS = int(kernels.STATIC_SIZE) * int(kernels.STATIC_SIZE)
+_TILES = int(kernels.MAX_TILES)
+_STATIC_CACHE_SIZE = 24  # static maps kept, 5 MB each
+_POOL_SIZE = 4  # sets of moving maps
+
+
+class MapMemory:
+    """The memory of some maps."""
+
+    def __init__(self, maps: int, device: str) -> None:
+        self.keys: DeviceArray = zeros(maps * _TEXELS, wp.uint64, device).reshape((maps, _TEXELS))
+        self.nearest: DeviceArray = wp.zeros((maps, _TILES), dtype=wp.uint64, device=device)
+
+    def clear(self, device: str) -> None:
+        """Clear all maps."""
+        kernel, memory = kernels.clear_lamp_maps, {"out_keys": self.keys, "out_nearest": self.nearest}
+        launch(kernel, int(self.keys.shape[0]) * _TILES, device, **memory)
+
+    def draw(self, g: Geometry, maps: DeviceArray, world: DeviceArray, chunks: range, device: str) -> None:
+        """Draw chunks into the maps, which must be clear; `maps` has the views of as many slots."""
+        if not len(chunks):
+            return
+        threads = 1 if device == "cpu" else CHUNK  # a GPU has threads to spare
+        launch(
+            kernels.draw_lamp_casters,
+            int(self.keys.shape[0]) * len(chunks) * threads,
+            device,
+            vertices=g.vertices,
+            triangles=g.triangles,
+            chunks=g.chunks,
+            chunk_centres=g.chunk_centres,
+            chunk_halves=g.chunk_halves,
+            casts=g.casts,
+            transforms=world,
+            maps=maps,
+            first_chunk=chunks.start,
+            chunk_count=len(chunks),
+            threads_per_chunk=threads,
+            out_keys=self.keys,
+            out_nearest=self.nearest,
+        )
+
+    def as_static(self, device: str) -> StaticLampMap:
+        """Return the first map as that of the static scene, with exact bounds."""
+        farthest = wp.zeros((1, _TILES), dtype=wp.uint64, device=device)
+        memory = {"keys": self.keys, "out_nearest": self.nearest, "out_farthest": farthest}
+        launch(kernels.bound_static_map, _TILES, device, **memory)
+        return set_fields(StaticLampMap(), keys=self.keys, nearest=self.nearest, farthest=farthest)
+
+
+class LampShadowMaps:
+    """The shadow maps of one scene's lamps."""
+
+    def __init__(self, geometry: Geometry, device: str) -> None:
+        self._g, self._device = geometry, device
+        self._static: OrderedDict[int, StaticLampMap] = OrderedDict()  # by light
+        self._spare: list[MapMemory] = []  # that no observation uses
+        self._no_static = MapMemory(1, device).as_static(device)
+
+    def draw(self, slots: LampSlots, world: DeviceArray) -> tuple[DeviceArray, MapMemory]:
+        """Return the maps of a frame, a one-element array of `LampMaps`, and the memory to give back after use.
+
+        `world` leads from the parts to the world, float32 [1 + P, 12].
+        """
+        memory = self._spare.pop() if self._spare else MapMemory(SLOTS, self._device)
+        memory.clear(self._device)
+        columns = [_upload(c, kind, self._device) for c, kind in zip(slots.columns, MAP_KINDS, strict=True)]
+        static = struct_array(self.static_maps(slots), self._device)
+        maps = struct_array([maps_of(columns, static, memory)], self._device)
+        memory.draw(self._g, maps, world, range(self._g.static_chunks, self._g.chunk_count), self._device)
+        return maps, memory
+
+    def give_back(self, memory: MapMemory) -> None:
+        """Keep memory for reuse by later frames."""
+        if len(self._spare) < _POOL_SIZE:
+            self._spare.append(memory)
+
+    def static_maps(self, slots: LampSlots) -> list[StaticLampMap]:
+        """Return the maps of the static scene of a frame's lamps of the town, by slot."""
+        found = []
+        for slot in range(STATIC_SLOTS):
+            used = float(slots.weights[slot]) > 0.0
+            found.append(self._static_map(slots, slot) if used else self._no_static)
+        return found
+
+    def _static_map(self, slots: LampSlots, slot: int) -> StaticLampMap:
+        light = int(slots.lights[slot])
+        if light not in self._static:
+            if len(self._static) >= _STATIC_CACHE_SIZE:
+                self._static.popitem(last=False)
+            self._static[light] = self._draw_static([column[slot : slot + 1] for column in slots.columns])
+        self._static.move_to_end(light)
+        return self._static[light]
+
+    def _draw_static(self, columns: Sequence[Array]) -> StaticLampMap:
+        device, memory = self._device, MapMemory(1, self._device)
+        uploaded = [_upload(c, kind, device) for c, kind in zip(columns, MAP_KINDS, strict=True)]
+        maps = struct_array([maps_of(uploaded, struct_array([self._no_static], device), memory)], device)
+        world = upload_transforms(world_from_parts(np.zeros((0, 3, 4))), device)
+        memory.draw(self._g, maps, world, range(self._g.static_chunks), device)
+        return memory.as_static(device)
+
+
+def maps_of(columns: Sequence[DeviceArray], static: DeviceArray, memory: MapMemory) -> LampMaps:
+    """Return the struct of maps whose columns are on the device; `static` is an array of `StaticLampMap`, by slot."""
+    named = dict(zip(MAP_NAMES, columns, strict=True))
+    return set_fields(LampMaps(), **named, fixed=static, keys=memory.keys, nearest=memory.nearest)
+
+
+def no_maps(device: str) -> DeviceArray:
+    """Return the maps of no lamps, which nothing reads, a one-element array of `LampMaps`."""
+    columns = [wp.zeros(1, dtype=kind, device=device) for kind in MAP_KINDS]
+    keys, nearest = (wp.zeros((1, 1), dtype=wp.uint64, device=device) for _ in range(2))
+    empty = set_fields(StaticLampMap(), keys=keys, nearest=nearest, farthest=nearest)
+    named = dict(zip(MAP_NAMES, columns, strict=True))
+    maps = set_fields(LampMaps(), **named, fixed=struct_array([empty], device), keys=keys, nearest=nearest)
+    return struct_array([maps], device)
+
+
+def _upload(values: Array, kind: Any, device: str) -> Any:
+    return wp.array(np.ascontiguousarray(values).astype(np.float32), dtype=kind, device=device)

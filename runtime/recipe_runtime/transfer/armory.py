@@ -1,0 +1,297 @@
+"""Exports a dataset in the layouts that Armory's CARLA loaders read; the file names of MART are among them.
+
+    carla_obj_det/dev/_out/: kwcoco_annotations_without_patch_and_sans_tiny_objects.json, sensor.camera.rgb.1/,
+        sensor.camera.depth.2/ (grey, logarithmic), foreground_mask/, patch_metadata/
+    carla_over_obj_det/dev/: kwcoco_annotations.json, rgb/, depth/ (24 bits), foreground_mask/, patch_metadata/;
+        MART reads it too
+    carla_mot/dev/VIDEO/: rgb/, foreground_mask/, patch_metadata/, instances.txt
+    carla_video_tracking/dev/VIDEO/: 000001.png, 000001_mask.png, ..., gt_boxes.npy, gs_coords.npy
+    left_out.csv: frames and videos that a loader or an attack cannot use, with the reason
+
+The patch is the first of each variant. Boxes are x1, y1, x2, y2 in carla_obj_det and x, y, width, height elsewhere, and
+arrays have the types that the loaders expect. File names have no dots; those of patches that are not on the ground
+start with 1, from which a loader derives how far depth may be perturbed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.patches import PatchPlan
+from recipe_compiler.ir.semantic_tags import Tag
+
+from recipe_runtime.annotate.ids import annotation_id, image_id, video_id
+from recipe_runtime.annotate.records import LabelledFrame, LabelRecord
+from recipe_runtime.annotate.rows import tables
+from recipe_runtime.attacks.patch_metadata import is_on_ground, is_usable, visible_mask
+from recipe_runtime.attacks.truth import PatchRecord
+from recipe_runtime.core import codecs, layout
+from recipe_runtime.dataset.reader import Dataset
+from recipe_runtime.dataset.tracks import field
+from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
+from recipe_runtime.transfer.shards import damaged_file
+
+Row = dict[str, object]
+
+_OBJ_DET, _OVER, _MOT, _TRACKING = (
+    f"carla_{task}/dev" for task in ("obj_det", "over_obj_det", "mot", "video_tracking")
+)
+_NAMES = {1: "pedestrian", 2: "vehicle", 3: "trafficlight"}  # category ids, of which the overhead layout has two
+_PERSONS = (Tag.PEDESTRIAN.value, Tag.RIDER.value)
+_LOG_SLOPE = 5.70378  # of the logarithmic depth: 1 + ln(metres / 1000) / 5.70378
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A frame of a sequence: its labels, and the truth of the patch."""
+
+    labels: LabelledFrame
+    patch: PatchRecord
+
+    @property
+    def number(self) -> int:
+        return self.labels["frame"]
+
+
+def check_patches(dataset: Dataset) -> None:
+    """Check that a dataset has pictures with a patch.
+
+    Raises:
+        InputError: It has none.
+    """
+    for variant in dataset.plan.variants:
+        if variant.appearance.patches and any("rgb" in sensor.capture for sensor in variant.rig.sensors):
+            return
+    raise InputError(
+        f"{dataset.name} has no picture with a patch",
+        help="add `patches` and `capture: [rgb, depth]` to the recipe, and build it again",
+        code=Code.INVALID_DATASET,
+    )
+
+
+def sequence_files(sequence: ExportSequence) -> Iterator[Entry]:
+    """Yield the files of one sequence in all layouts."""
+    patch = _patch(sequence)
+    if patch is None:
+        return
+    frames = _frames(sequence, patch)
+    coordinates = _coordinates(frames)
+    targets = _target_boxes(frames)
+    for frame, corners in zip(frames, coordinates, strict=True):
+        picture, mask = sequence.picture(frame.number), _mask_png(sequence, frame)
+        yield from _detection_files(sequence, patch, frame, picture, mask)
+        if corners is not None and _instances(frames) is not None:
+            folder, stem = f"{_MOT}/{_video(sequence)}", f"{frame.number + 1:06d}"
+            yield f"{folder}/rgb/{stem}.png", picture
+            yield f"{folder}/foreground_mask/{stem}.png", mask
+            yield f"{folder}/patch_metadata/{stem}.npy", codecs.npy(corners)
+        if corners is not None and targets is not None:
+            folder, stem = f"{_TRACKING}/{_video(sequence)}", f"{frame.number + 1:06d}"
+            yield f"{folder}/{stem}.png", picture
+            yield f"{folder}/{stem}_mask.png", mask
+    found = [corners for corners in coordinates if corners is not None]
+    rows = _instances(frames)
+    if found and rows is not None:
+        yield f"{_MOT}/{_video(sequence)}/instances.txt", rows
+    if found and targets is not None:
+        yield f"{_TRACKING}/{_video(sequence)}/gt_boxes.npy", codecs.npy(targets)
+        yield f"{_TRACKING}/{_video(sequence)}/gs_coords.npy", codecs.npy(np.stack(found))
+
+
+def annotation_files(sequences: list[ExportSequence]) -> Iterator[Entry]:
+    """Yield the annotation files of object detection, and the list of what is left out."""
+    path = f"{_OBJ_DET}/_out/kwcoco_annotations_without_patch_and_sans_tiny_objects.json"
+    yield path, _annotations(sequences, overhead=False)
+    yield f"{_OVER}/kwcoco_annotations.json", _annotations(sequences, overhead=True)
+    yield "left_out.csv", _left_out(sequences)
+
+
+def _patch(sequence: ExportSequence) -> PatchPlan | None:
+    """The patch of a sequence; None if it has none, or no pictures."""
+    patches = sequence.variant.appearance.patches
+    return patches[0] if patches and "rgb" in sequence.sensor.capture else None
+
+
+def _frames(sequence: ExportSequence, patch: PatchPlan) -> list[_Frame]:
+    return [_Frame(labels, sequence.patch(labels["frame"], patch.name)) for labels in sequence.labels()]
+
+
+def _has_depth(sequence: ExportSequence) -> bool:
+    return "depth" in sequence.sensor.capture
+
+
+def _detection_files(
+    sequence: ExportSequence, patch: PatchPlan, frame: _Frame, picture: bytes, mask: bytes
+) -> Iterator[Entry]:
+    """The files of a frame for object detection; none if an attack cannot use it."""
+    if not (_has_depth(sequence) and is_usable(frame.patch)):
+        return
+    stem = _stem(sequence, patch, frame.number)
+    metres = sequence.depth(frame.number)
+    corners = np.array(frame.patch["corners_int"], np.int32)
+    for root, rgb, depth, pixels in (
+        (f"{_OBJ_DET}/_out", "sensor.camera.rgb.1", "sensor.camera.depth.2", _log_depth(metres)),
+        (_OVER, "rgb", "depth", codecs.carla_depth(metres.astype(np.float32))),
+    ):
+        yield f"{root}/{rgb}/{stem}.png", picture
+        yield f"{root}/{depth}/{stem}.png", codecs.png(pixels)
+        yield f"{root}/foreground_mask/{stem}.png", mask
+        yield f"{root}/patch_metadata/{stem}_coords.npy", codecs.npy(corners)
+        yield f"{root}/patch_metadata/{stem}_raw_coords.npy", codecs.npy(np.array(frame.patch["corners"], np.float64))
+        depth_file = np.array(frame.patch["depth"], np.float64)
+        yield f"{root}/patch_metadata/{stem}_avg_depth.npy", codecs.npy(depth_file)
+
+
+def _annotations(sequences: Sequence[ExportSequence], *, overhead: bool) -> Iterator[str]:
+    """The text of the annotations of object detection."""
+    ids = [1, 2] if overhead else [1, 2, 3]
+    images: list[Row] = []
+    objects: list[Row] = []
+    for sequence in sequences:
+        patch = _patch(sequence)
+        for frame in _frames(sequence, patch) if patch is not None and _has_depth(sequence) else ():
+            if patch is not None and is_usable(frame.patch):
+                images.append(_image(sequence, patch, frame, overhead=overhead))
+                objects += [_object(sequence, frame, item, overhead=overhead) for item in frame.labels["objects"]]
+    return tables(
+        {
+            "info": {"description": sequences[0].dataset.plan.description if sequences else ""},
+            "licenses": [{"id": 1, "name": "not stated", "url": ""}],
+            "categories": [{"id": k, "name": _NAMES[k], "supercategory": ""} for k in ids],
+            "images": images,
+            "annotations": objects,
+        }
+    )
+
+
+def _image(sequence: ExportSequence, patch: PatchPlan, frame: _Frame, *, overhead: bool) -> Row:
+    """An image with exactly the keys that a loader removes or keeps."""
+    name = f"{_stem(sequence, patch, frame.number)}.png"
+    row: Row = {
+        "id": image_id(sequence.variant.variant, sequence.sensor.name, frame.number),
+        "file_name": name if overhead else f"_out/sensor.camera.rgb.1/{name}",
+        "width": sequence.sensor.camera.width,
+        "height": sequence.sensor.camera.height,
+        "date_captured": "",
+        "license": 1,
+        "coco_url": "",
+        "flickr_url": "",
+    }
+    if not overhead:
+        row |= {
+            "video_id": video_id(sequence.variant.variant, sequence.sensor.name),
+            "frame_index": frame.number,
+        }
+    return row
+
+
+def _object(sequence: ExportSequence, frame: _Frame, item: LabelRecord, *, overhead: bool) -> Row:
+    names = sequence.variant.variant, sequence.sensor.name, frame.number
+    x, y, w, h = item["bbox"]
+    return {
+        "id": annotation_id(*names, item["actor"]),
+        "image_id": image_id(*names),
+        "category_id": _category(item),
+        "bbox": [x, y, w, h] if overhead else [x, y, x + w, y + h],
+        "area": item["area"],
+        "iscrowd": 0,
+    }
+
+
+def _category(item: LabelRecord) -> int:
+    return 1 if item["instance"] // 1000 in _PERSONS else 2
+
+
+def _coordinates(frames: Sequence[_Frame]) -> list[NDArray[np.int64] | None]:
+    """The corners of every frame, [4, 2]: where a frame has none that can be used, those of the usable frame before it.
+
+    Before the first usable frame they are that frame's; None if no frame is usable.
+    """
+    usable = [np.array(f.patch["corners_int"], np.int64) if is_usable(f.patch) else None for f in frames]
+    last = next((corners for corners in usable if corners is not None), None)
+    filled = []
+    for corners in usable:
+        last = last if corners is None else corners
+        filled.append(last)
+    return filled
+
+
+def _instances(frames: Sequence[_Frame]) -> list[str] | None:
+    """The lines of `instances.txt`; None if there are fewer than two, of which a loader makes no table."""
+    lines = []
+    for step, frame in enumerate(frames, start=1):
+        for item in frame.labels["objects"]:
+            box = " ".join(map(str, item["bbox"]))
+            lines.append(f"{step} {item['instance']} {box} 1 {_category(item)} 1\n")
+    return lines if len(lines) > 1 else None
+
+
+def _target_boxes(frames: Sequence[_Frame]) -> NDArray[np.int64] | None:
+    """The boxes x1, y1, x2, y2 [T, 4] of the pedestrian that is largest over all frames; None if none is in all."""
+    boxes: dict[str, list[tuple[int, list[int]]]] = {}
+    for frame in frames:
+        for item in frame.labels["objects"]:
+            if item["instance"] // 1000 == Tag.PEDESTRIAN.value:
+                boxes.setdefault(item["actor"], []).append((item["area"], item["bbox"]))
+    whole = {name: rows for name, rows in boxes.items() if len(rows) == len(frames)}
+    if not whole:
+        return None
+    target = min(whole, key=lambda name: (-sum(area for area, _ in whole[name]), name))
+    return np.array([[x, y, x + w, y + h] for _, (x, y, w, h) in whole[target]], np.int64)
+
+
+def _left_out(sequences: Sequence[ExportSequence]) -> Iterator[str]:
+    """The lines of `left_out.csv`."""
+    yield "layout,variant,sensor,frame,reason\n"
+    for sequence in sequences:
+        names = f"{field(sequence.variant.variant)},{field(sequence.sensor.name)}"
+        patch = _patch(sequence)
+        if patch is None:
+            yield f"all,{names},all,no patch or no rgb\n"
+            continue
+        frames = _frames(sequence, patch)
+        hidden = [frame.number for frame in frames if not is_usable(frame.patch)]
+        if not _has_depth(sequence):
+            yield f"carla_obj_det and carla_over_obj_det,{names},all,no depth\n"
+        else:
+            yield from (f"carla_obj_det and carla_over_obj_det,{names},{n},patch is not seen\n" for n in hidden)
+        if len(hidden) == len(frames):
+            yield f"carla_mot and carla_video_tracking,{names},all,patch is not seen\n"
+            continue
+        if _instances(frames) is None:
+            yield f"carla_mot,{names},all,fewer than two objects\n"
+        if _target_boxes(frames) is None:
+            yield f"carla_video_tracking,{names},all,no pedestrian is seen in every frame\n"
+
+
+def _mask_png(sequence: ExportSequence, frame: _Frame) -> bytes:
+    camera = sequence.sensor.camera
+    try:
+        mask = visible_mask(frame.patch, camera.width, camera.height)
+    except (ValueError, TypeError, AttributeError) as error:
+        path = layout.patches_file(sequence.variant.variant, sequence.sensor.name, frame.number)
+        raise damaged_file(sequence.dataset, f"{path}: {error}") from None
+    return codecs.png(mask)
+
+
+def _log_depth(metres: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Logarithmic depth, three equal channels [H, W, 3]: the nearest level to 255 (1 + ln(metres / 1000) / 5.70378)."""
+    limits = [1000.0 * exact.exp(((level - 0.5) / 255.0 - 1.0) * _LOG_SLOPE) for level in range(1, 256)]
+    levels = np.searchsorted(np.array(limits), metres, side="right").astype(np.uint8)
+    return np.repeat(levels[..., None], 3, axis=2)
+
+
+def _video(sequence: ExportSequence) -> str:
+    """The name of a sequence: unique, and of letters, digits, `_`, `-`, `=` and `+`."""
+    plain = layout.sequence(sequence.variant.variant, sequence.sensor.name)
+    return f"{sequence.number:04d}_" + re.sub(r"[^A-Za-z0-9_=+-]", "_", plain)
+
+
+def _stem(sequence: ExportSequence, patch: PatchPlan, frame: int) -> str:
+    return f"{0 if is_on_ground(patch) else 1}_{_video(sequence)}_{frame:06d}"

@@ -1,0 +1,96 @@
+"""One sensor of one variant of a dataset, as an export reads it: compared with the manifest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.plan import ScenarioPlan, SensorPlan
+
+from recipe_runtime.annotate.records import LabelledFrame
+from recipe_runtime.attacks.truth import PatchRecord
+from recipe_runtime.core import layout
+from recipe_runtime.dataset.reader import Dataset, labels
+from recipe_runtime.transfer.shards import damaged_file, picture_file
+from recipe_runtime.webdataset import decode
+
+Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
+
+
+@dataclass(frozen=True)
+class ExportSequence:
+    """One sensor of one variant."""
+
+    dataset: Dataset
+    variant: ScenarioPlan
+    sensor: SensorPlan
+    number: int
+
+    @property
+    def frames(self) -> range:
+        """The frames that the sensor takes."""
+        return self.sensor.frames(self.variant.scene.clock.frames)
+
+    def labels(self) -> Iterator[LabelledFrame]:
+        """Yield the labels of its frames."""
+        try:
+            yield from labels(self.dataset, self.variant, self.sensor)
+        except (ValueError, OSError) as error:
+            path = layout.labels_file(self.variant.variant, self.sensor.name)
+            raise damaged_file(self.dataset, f"{path}: {error}") from None
+
+    def pictures(self) -> Iterator[tuple[int, bytes]]:
+        """Yield its RGB pictures, if it captures any."""
+        for frame in self.frames if "rgb" in self.sensor.capture else ():
+            yield frame, self.picture(frame)
+
+    def picture(self, frame: int) -> bytes:
+        """Return the RGB picture of a frame."""
+        return picture_file(self.dataset, self._path("rgb", frame), self.sensor)
+
+    def depth(self, frame: int) -> NDArray[np.float64]:
+        """Return the depth of a frame, metres, [H, W]."""
+        path = self._path("depth", frame)
+        content = picture_file(self.dataset, path, self.sensor)
+        try:
+            metres = decode(f".depth.{path.rpartition('.')[2]}", content)
+        except ValueError as error:
+            raise damaged_file(self.dataset, f"{path}: {error}") from None
+        if metres.shape != (self.sensor.camera.height, self.sensor.camera.width):
+            raise damaged_file(self.dataset, f"{path} has another size than the sensor's pictures")
+        return cast("NDArray[np.float64]", metres.astype(np.float64))
+
+    def patch(self, frame: int, name: str) -> PatchRecord:
+        """Return the truth of a patch in a frame."""
+        path = layout.patches_file(self.variant.variant, self.sensor.name, frame)
+        content = picture_file(self.dataset, path, self.sensor)
+        try:
+            found = [record for record in json.loads(content)["patches"] if record["name"] == name]
+            record = cast("PatchRecord", {key: found[0][key] for key in PatchRecord.__annotations__})
+            usable = _is_usable(record)
+        except (ValueError, KeyError, IndexError, TypeError, RecursionError):
+            usable = False
+        if not usable:
+            raise damaged_file(self.dataset, f"{path} is not the truth of the patch {name}")
+        return record
+
+    def _path(self, modality: str, frame: int) -> str:
+        return layout.frame_file(self.variant.variant, self.sensor.name, modality, frame, self.dataset.plan.depth)
+
+
+def _is_usable(record: PatchRecord) -> bool:
+    """Whether what an export reads of a record has the types that it should have."""
+    numbers = [v for corners in (record["corners_int"], record["corners"]) for corner in corners or [] for v in corner]
+    return (
+        type(record["area"]) is int
+        and (record["corners_int"] is None or np.shape(record["corners_int"]) == (4, 2))
+        and (record["corners"] is None or np.shape(record["corners"]) == (4, 2))
+        and all(type(value) in (int, float) and abs(value) < 1 << 31 for value in numbers)
+        and (record["depth"] is None) == (record["area"] == 0)
+        and (record["depth"] is None or type(record["depth"]) in (int, float))
+        and (record["counts"] is None or isinstance(record["counts"], str))
+    )

@@ -1,0 +1,100 @@
+"""`SceneView`: the frames' bytes, the exact gradient, and the interface that attacks expect. `make test-torch`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recipe_runtime
+from recipe_compiler.ir.errors import InputError
+
+from tests.runtime.attacks.test_textures import RENDERED, SECOND, recipe_with
+
+pytestmark = pytest.mark.torch
+torch = pytest.importorskip("torch")
+CLEAR = "weather=clear,insertion=rendered"
+PLACES = [(RENDERED, 0), (CLEAR, 2), (RENDERED, 1)]
+
+
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recipe_with(tmp_path_factory.mktemp("scene_view"), "first")
+
+
+@pytest.fixture(scope="module")
+def view(recipe: Path) -> Any:
+    from recipe_runtime.torch import SceneView
+
+    return SceneView(recipe, "poster", PLACES)
+
+
+def texture_of(image: Any, **options: Any) -> Any:
+    return torch.tensor(image.transpose(2, 0, 1)[None] / 255.0, dtype=torch.float32, **options)
+
+
+def test_pictures_are_the_frames_bytes(view: Any, recipe: Path) -> None:
+    texture = texture_of(SECOND)
+    pictures, targets = view(texture)
+    assert pictures.shape == (3, 3, 64, 96) and pictures.dtype == torch.float32
+    for (variant, frame), shown, target in zip(PLACES, pictures, targets, strict=True):
+        scene = recipe_runtime.open(recipe, variant)
+        expected = scene.render(frame, textures={"poster": texture})
+        np.testing.assert_array_equal((shown * 255).round().to(torch.uint8).numpy().transpose(1, 2, 0), expected)
+        assert len(target["boxes"]) == len(scene.labels(frame)) and target["labels"].dtype == torch.int64
+
+
+def test_batches_follow_each_other(view: Any) -> None:
+    texture, whole = texture_of(SECOND), view(texture_of(SECOND))[0]
+    assert torch.equal(view(texture, batch=2, step=0)[0], whole[[0, 1]])
+    assert torch.equal(view(texture, batch=2, step=1)[0], whole[[2, 0]])
+    assert torch.equal(view.pictures(texture, batch=1, step=5), whole[[2]])
+
+
+def test_the_gradient_is_that_of_the_views(view: Any, recipe: Path) -> None:
+    texture = texture_of(SECOND, requires_grad=True)
+    pictures, _ = view(texture)
+    weights = torch.linspace(-1, 1, pictures.numel()).reshape(pictures.shape)
+    (pictures * weights).sum().backward()
+    expected = np.zeros(SECOND.shape)
+    for (variant, frame), weight in zip(PLACES, weights, strict=True):
+        part = recipe_runtime.open(recipe, variant).patch_view(frame, "poster", size=(7, 9))
+        expected += part.backward(texture.detach().numpy()[0].transpose(1, 2, 0), weight.numpy().transpose(1, 2, 0))
+    np.testing.assert_allclose(texture.grad.numpy()[0].transpose(1, 2, 0), expected, rtol=1e-6, atol=1e-6)
+    assert np.abs(expected).max() > 0.01
+
+
+def test_torchs_check_of_gradients(recipe: Path) -> None:
+    from recipe_runtime.torch import SceneView
+
+    smooth = SceneView(recipe, "poster", [(RENDERED, 0)], quantise=False)
+    texture = torch.tensor(np.random.default_rng(0).uniform(0.1, 0.9, (1, 3, 2, 2)), requires_grad=True)
+
+    def means(t: Any) -> Any:
+        return smooth.pictures(t)[..., 20:40, 30:60].mean(dim=(2, 3))
+
+    assert torch.autograd.gradcheck(means, texture, atol=1e-5)
+
+
+def test_descent_reaches_a_goal(view: Any) -> None:
+    """A texture that makes the picture that another texture makes, by steps along the gradient."""
+    goal = view.pictures(texture_of(SECOND), batch=1).detach()
+    texture = torch.full((1, 3, 7, 9), 0.5, requires_grad=True)
+    optimiser, losses = torch.optim.Adam([texture], lr=0.05), []
+    for _ in range(25):
+        loss = ((view.pictures(texture.clamp(0, 1), batch=1) - goal) ** 2).sum()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.3 * losses[0]
+
+
+def test_names_that_are_not_there_are_refused(recipe: Path) -> None:
+    from recipe_runtime.torch import SceneView
+
+    with pytest.raises(InputError, match="no variant 'weather=snow'"):
+        SceneView(recipe, "poster", [("weather=snow", 0)])
+    with pytest.raises(InputError, match="no patch 'sticker'"):
+        SceneView(recipe, "sticker", [(RENDERED, 0)])

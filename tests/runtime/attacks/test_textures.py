@@ -1,0 +1,101 @@
+"""Textures in `Scenario.render` and `Scenario.patch_view`: a build's bytes, and errors with a remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import recipe_runtime
+from recipe_compiler.ir.errors import InputError
+from recipe_runtime.scenario import Scenario
+
+from tests.compiler.modelling import picture, png
+
+RECIPE = """
+recipe: textured
+seed: 3
+base:
+  clock: {{fps: 10, frames: 3}}
+  town: {{name: downtown, blocks: [1, 1]}}
+  actors:
+    car: {{blueprint: vehicle.van.a, speed: 5, start: {{x: -1.6, y: 1}}, goal: {{x: -1.6, y: -30}}}}
+  patches:
+    poster: {{on: {{town: wall.1, size: {{width: 4, height: 2}}}}, texture: {{image: {image}}}}}
+    paint: {{on: {{actor: car}}, texture: {{color: "#ff00ff"}}}}
+  sensors:
+    street:
+      mount: {{x: 1.5, y: -6, z: 1.6, yaw: 140}}
+      camera: {{width: 96, height: 64, fov: 70}}
+      capture: [rgb, instance]
+deltas:
+  weather: {{clear: {{}}, rainy: {{weather: HardRainNoon}}}}
+  insertion: {{rendered: {{}}, green: {{patches: {{poster: {{mode: green}}}}}}}}
+"""
+RENDERED = "weather=rainy,insertion=rendered"
+FIRST, SECOND = picture(), picture(9, 7)[..., ::-1].copy()
+
+
+def recipe_with(folder: Path, image: str) -> Path:
+    (folder / "first.png").write_bytes(png(FIRST))
+    (folder / "second.png").write_bytes(png(SECOND))
+    path = folder / f"{image}.yaml"
+    path.write_text(RECIPE.format(image=f"{image}.png"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def recipes(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("textured")
+    return recipe_with(folder, "first"), recipe_with(folder, "second")
+
+
+@pytest.fixture(scope="module")
+def scene(recipes: tuple[Path, Path]) -> Scenario:
+    return recipe_runtime.open(recipes[0], RENDERED)
+
+
+def test_a_texture_gives_the_frames_of_a_recipe_with_it(recipes: tuple[Path, Path], scene: Scenario) -> None:
+    other = recipe_runtime.open(recipes[1], RENDERED)
+    for frame in (2, 0, 1):
+        np.testing.assert_array_equal(scene.render(frame, textures={"poster": SECOND}), other.render(frame))
+    as_shares = SECOND.astype(np.float32) / np.float32(255)
+    np.testing.assert_array_equal(scene.render(0, textures={"poster": as_shares}), other.render(0))
+    painted = scene.render(0, textures={"poster": SECOND, "paint": np.full((1, 1, 3), [255, 0, 255], np.uint8)})
+    np.testing.assert_array_equal(painted, other.render(0))
+    assert (scene.render(0, textures={"paint": SECOND}) != scene.render(0)).any()
+    labels = scene.render(1, "street", "instance", textures={"poster": SECOND})
+    np.testing.assert_array_equal(labels, other.render(1, "street", "instance"))
+
+
+def test_a_patch_view_renders_the_same(scene: Scenario) -> None:
+    view = scene.patch_view(1, "poster")
+    assert view.shape == FIRST.shape
+    np.testing.assert_array_equal(view.render(FIRST), scene.render(1))
+    small = scene.patch_view(1, "poster", size=(7, 9))
+    np.testing.assert_array_equal(small.render(SECOND), scene.render(1, textures={"poster": SECOND}))
+    np.testing.assert_allclose(small.forward(SECOND) * 255, small.render(SECOND), atol=1.6)
+    gradient = scene.patch_view(0, "paint", size=(16, 16)).backward(np.full((16, 16, 3), 0.5), np.ones((64, 96, 3)))
+    assert gradient.shape == (16, 16, 3) and (gradient > 0).any()
+
+
+def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: Scenario) -> None:
+    image = np.zeros((4, 4, 3), np.uint8)
+    with pytest.raises(InputError, match="no patch 'sticker'; it has poster, paint"):
+        scene.render(0, textures={"sticker": image})
+    with pytest.raises(InputError, match="its mode is green, so no texture is rendered; choose a variant"):
+        recipe_runtime.open(recipes[0], "weather=clear,insertion=green").patch_view(0, "poster")
+    with pytest.raises(InputError, match=r"shape \(4, 4\); give an array \[height, width, 3\]"):
+        scene.render(0, textures={"poster": image[..., 0]})
+    with pytest.raises(InputError, match="is of int64; give uint8, or floats"):
+        scene.render(0, textures={"poster": image.astype(np.int64)})
+    with pytest.raises(InputError, match="not finite"):
+        scene.render(0, textures={"poster": np.full((4, 4, 3), np.nan)})
+    with pytest.raises(InputError, match="at most 8192 per side"):
+        scene.patch_view(0, "poster", size=(9000, 4))
+    with pytest.raises(InputError, match="a colour, which has no size; give the texture's size"):
+        scene.patch_view(0, "paint")
+    with pytest.raises(InputError, match="no sensor 'roof'"):
+        scene.patch_view(0, "poster", "roof")
+    with pytest.raises(IndexError):
+        scene.render(3, textures={"poster": image})
