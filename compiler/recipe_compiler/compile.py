@@ -133,15 +133,20 @@ def _compile(
         annotations=recipe.output.annotations,
         depth=recipe.output.depth,
     )
-    cost = dataclasses.replace(
-        limits.total((workload.measured(plan, texels) for plan in plans), recipe.output.depth),
-        compile_seconds=estimate.compile_seconds,
-        compile_bytes=estimate.compile_bytes,
-    )
+    cost = _cost(plans, recipe.output.depth, texels, estimate)
     clashes = expand.clashes(root, axes, recipe.sweep)
     warnings = _sorted(clashes, warnings)
     files = dict(sorted(sources.files.items()))
     return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
+
+
+def _cost(plans: Sequence[ScenarioPlan], depth: str, texels: int, estimate: limits.Cost) -> limits.Cost:
+    """The cost of building plans; that of compiling them is the estimate's."""
+    return dataclasses.replace(
+        limits.total((workload.measured(plan, texels) for plan in plans), depth),
+        compile_seconds=estimate.compile_seconds,
+        compile_bytes=estimate.compile_bytes,
+    )
 
 
 def named_files(path: Path) -> tuple[str, set[str]] | None:
