@@ -47,6 +47,7 @@ _SHADE_STILL = (0.007, 0.055)  # static camera: per frame, per megasample
 _WHOLE_FRAMES = 2  # first frames of a static camera, which cost as much as those of a moving one
 _SHADE_ACTOR = 0.0004  # per actor and frame
 _SHADE_FIRST = 0.2  # per view
+_TEXEL, _TEXEL_AGAIN = 6e-8, 8e-9  # mip levels: per texel of an image; per frame if a patch's image changes
 _FINISH = 0.12  # blur or bloom, per megapixel
 _ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # per megapixel
 _FILE = 0.0007  # per file, whatever its size
@@ -58,6 +59,7 @@ _MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes: per element, per 
 _MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a moving camera
 _MEMORY_SHADE = 125  # per sample of a moving camera
 _MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
+_MEMORY_TEXEL = 24  # mip levels, while an atlas is made and another is kept
 _MEMORY_METRE = 8  # per metre of the vehicles' routes, in the simulation
 _MEMORY_RECORD = 4000  # per labelled object, in the build's own process
 
@@ -104,6 +106,8 @@ class Load:
     points: int = 0  # of all actors' routes
     metres: float = 0.0  # of all vehicles' routes
     changes: int = 0  # merged over the base: axes and draws
+    texels: int = 0  # of all images
+    sequences: bool = False  # whether a patch shows another image in each frame
 
 
 @dataclass(frozen=True)
@@ -284,7 +288,8 @@ def _shading(load: Load, view: Clip) -> float:
     whole = min(view.frames, _WHOLE_FRAMES) if view.still else view.frames
     finish = view.finished * _FINISH * view.pixels / 1e6
     frame = _FILE + view.pixels / 1e6 * _ENCODE["rgb"] + load.actors * _SHADE_ACTOR + finish
-    return _SHADE_FIRST + view.frames * frame + whole * moved + (view.frames - whole) * still
+    frame += load.sequences * load.texels * _TEXEL_AGAIN
+    return _SHADE_FIRST + load.texels * _TEXEL + view.frames * frame + whole * moved + (view.frames - whole) * still
 
 
 def _blocks(amount: float) -> int:
@@ -320,6 +325,7 @@ def _memory(
     for key, load in observed.items():
         process = _WORKER + load.elements * _MEMORY_ELEMENT + load.actors * _MEMORY_ACTOR
         process += _SHADERS * any("rgb" in view.capture for view in load.views)
+        process += load.texels * _MEMORY_TEXEL * any("rgb" in view.capture for view in load.views)
         process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
         worker, metres = max(worker, process), max(metres, load.metres)
         records += sum(view.frames for view in load.views) * load.actors * _SEEN_AT_MOST

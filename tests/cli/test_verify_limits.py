@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from recipe_cli.commands.verify import _check_cost, command
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import read_source, skeleton
 from recipe_compiler.lowering.workload import plan_cost
 from recipe_runtime.build.pipeline import build
@@ -80,3 +80,21 @@ def test_only_the_head_of_a_lockfile_is_read_for_its_recipe(tmp_path: Path) -> N
         path.write_text(text)
         with pytest.raises(InputError):
             read_source(path)
+
+
+def test_a_failure_of_the_host_at_one_target_does_not_end_the_others(
+    tmp_path: Path, built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(target: Path, options: Options) -> None:
+        if target.name == "first":
+            raise RunError("the simulation ended")
+        seen.append(target.name)
+        raise InputError("not a dataset")
+
+    seen: list[str] = []
+    monkeypatch.setattr("recipe_cli.commands.verify._integrity", fail)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(command, ["--integrity", "first", "second"])
+    assert seen == ["second"]
+    assert isinstance(done.exception, RunError) and "the simulation ended" in str(done.exception)
+    assert "not a dataset" in str(done.exception)

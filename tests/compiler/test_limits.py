@@ -258,3 +258,31 @@ def test_a_pile_of_actors_is_refused(count: int, blueprint: str) -> None:
     pile = {f"a{k}": {"blueprint": blueprint, "start": {"x": -4, "y": 6}} for k in range(count)}
     with pytest.raises(InputError, match="4,950 pairs of actors start on top of each other, and at most 4,000 may"):
         compiled(small(traffic={}, actors=pile))
+
+
+def test_boxes_that_shorten_arms_are_part_of_the_estimate() -> None:
+    """Each sensor's plan has all buildings of its town."""
+    recipe = small()
+    recipe["base"]["town"] = {"name": "downtown", "blocks": [8, 8]}
+    sensor = {"mount": {"on": "hero", "x": -4, "z": 2, "attachment": "spring_arm"}, "capture": ["rgb"]}
+    recipe["base"]["actors"] = {"hero": {"blueprint": "walker.pedestrian.0004"}}
+    recipe["base"]["sensors"] = {f"s{number}": sensor for number in range(1000)}
+    with pytest.raises(TooLargeError, match="of compiling alone are over"):
+        compiled(recipe)
+
+
+def test_earlier_frames_that_an_arm_reads_are_part_of_the_estimate() -> None:
+    clip = Clip(20_000, 100, 100, ("instance",), still=False)
+    plain, smoothed = (
+        total([Load("s", "r", "a", 1, 1, (view,))], "carla").minutes for view in (clip, replace(clip, history=48_000))
+    )
+    assert smoothed > 1.5 * plain
+
+
+def test_images_are_part_of_the_estimate() -> None:
+    load = Load("s", "r", "a", 1, 1, (Clip(100, 100, 100, ("rgb",)),))
+    plain, once, again = (total([each], "carla") for each in (
+        load, replace(load, texels=64 << 20), replace(load, texels=64 << 20, sequences=True)
+    ))  # fmt: skip
+    assert once.worker_memory > plain.worker_memory + (1 << 30)
+    assert again.minutes > 2 * once.minutes > 2 * plain.minutes

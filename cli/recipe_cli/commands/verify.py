@@ -98,7 +98,7 @@ def command(
     lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE. Of several targets the exit
     code is the first of 1, 2 (a target cannot be read), 3 and 0 that one of them has.
     """
-    from recipe_compiler.ir.errors import Code, InputError, Problem
+    from recipe_compiler.ir.errors import Code, InputError, Problem, RunError
     from recipe_runtime.core.nonce import fresh_nonce
     from recipe_runtime.verify.verify import Options
 
@@ -123,11 +123,13 @@ def command(
             return _verify(place, options, allow_large, against)
 
     try:
-        verdicts, problems = _each(targets or _all_lockfiles(), check, as_json)
+        verdicts, problems, stopped = _each(targets or _all_lockfiles(), check, as_json)
     except KeyboardInterrupt:
         again = "with --all, it is resumed" if everything else f"--nonce {options.nonce} draws this sample again"
         fail([Problem("interrupted", help=f"verify again; {again}", code=Code.INTERRUPTED)])
         raise click.exceptions.Exit(130) from None
+    if stopped and "FAIL" not in verdicts:
+        raise RunError(problems)
     if problems and "FAIL" not in verdicts:
         raise InputError(problems)
     if problems:
@@ -165,19 +167,24 @@ def _checked_pictures(folder: Path) -> Path:
 
 def _each(
     targets: Sequence[Path | str], check: Callable[[Path | str], Report], as_json: bool
-) -> tuple[list[str], list[Problem]]:
-    """The verdict of each target, and the problems of those that cannot be read; each report is printed or kept."""
-    from recipe_compiler.ir.errors import InputError
+) -> tuple[list[str], list[Problem], bool]:
+    """Check each target; each report is printed or kept.
+
+    Returns:
+        The verdicts, the problems of the targets that cannot be checked, and whether the host failed at one of them.
+    """
+    from recipe_compiler.ir.errors import InputError, RunError
 
     verdicts: list[str] = []
     problems: list[Problem] = []
     unread: list[Problem] = []  # the warnings of targets without a report
-    run = state()
+    run, stopped = state(), False
     for target in targets:
         try:
             report = check(target)
-        except InputError as error:
+        except (InputError, RunError) as error:
             problems += error.problems
+            stopped = stopped or isinstance(error, RunError)
             unread, run.warnings = [*unread, *run.warnings], []
             continue
         verdicts.append(report.verdict)
@@ -186,7 +193,7 @@ def _each(
         if not as_json:
             _say(target, report)
     run.warnings = unread
-    return verdicts, problems
+    return verdicts, problems, stopped
 
 
 def _recipe_of(path: Path) -> Path:

@@ -27,13 +27,14 @@ _BOXES = 0.45  # share of the elements of a town that shorten arms, at most
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
 
-def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
+def estimated(variant: Variant, base: Base, changes: int, texels: int = 0) -> limits.Load:
     """Estimate the workload of a variant before lowering, from its checked models.
 
     Args:
         variant: the variant.
         base: its checked base. Sections that are the same object in several variants count as shared.
         changes: the number of axes and draws merged over the base.
+        texels: of all images of the recipe.
     """
     parts = base.clock, base.town, base.actors, base.traffic, base.props
     scene = (*map(id, parts), patch_lowering.board_key(base.patches), variant.seed)
@@ -72,6 +73,8 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
         points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
         metres=sum(map(_given_metres, base.actors.values())),
         changes=changes,
+        texels=texels,
+        sequences=any(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
     )
 
 
@@ -101,8 +104,13 @@ def _samples(camera: optics.Lens, supersample: int) -> int:
     return width * height
 
 
-def measured(plan: ScenarioPlan) -> limits.Load:
-    """Compute the workload of a variant from its plan. Plans with the same digest count as shared."""
+def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
+    """Compute the workload of a variant from its plan. Plans with the same digest count as shared.
+
+    Args:
+        plan: the plan.
+        texels: of all images, whose sizes plans do not have.
+    """
     clock = plan.scene.clock
     responses = plan.appearance.responses
     views = tuple(
@@ -129,6 +137,8 @@ def measured(plan: ScenarioPlan) -> limits.Load:
         views=views,
         elements=len(plan.scene.town.elements),
         metres=plan_bounds.route_metres(plan.scene.actors),
+        texels=texels,
+        sequences=any(patch.changes for patch in plan.appearance.patches),
     )
 
 

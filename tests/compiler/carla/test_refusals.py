@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import pytest
-from recipe_compiler.carla import File, imported
+from recipe_compiler.carla import File, Outcome, imported
 from recipe_compiler.ir.errors import InputError
 
 CAMERA = "  - blueprint: {name: sensor.camera.rgb}\n"
@@ -185,6 +185,13 @@ HOSTILE = {
     + CAMERA,
     "actors": HEAD + CAMERA + "  - blueprint: {name: 'walker.*'}\n" * 400,
     "sensors": HEAD + CAMERA * 300,
+    "references to a list": f"a: [{'1, ' * 9000}]\nq: [{', '.join(['${a}'] * 9000)}]\n" + HEAD + CAMERA,
+    "a chain of sensors": HEAD
+    + CAMERA
+    + "".join(
+        f"  - {{blueprint: {{name: sensor.camera.rgb, attr: {{role_name: s{n}}}}}, attach_to: s{n - 1}}}\n"
+        for n in range(1, 2000)
+    ),
     "not text": "\xff\xfe\x00",
 }
 
@@ -197,6 +204,27 @@ def test_hostile_input_is_refused_soon(case: str) -> None:
         imported([File("config.yaml", content)])
     assert caught.value.problems[0].place
     assert time.process_time() - started < 10.0
+
+
+def test_long_keys_are_shortened_in_paths() -> None:
+    """A report repeats the path of a value for each value below it."""
+    text = f"? {'k' * 100_000}\n: [{'1, ' * 2000}]\n" + HEAD + CAMERA
+    (one,) = imported([File("config.yaml", text.encode())])
+    assert sum(len(line) for line in one.report.lines()) < 500_000
+
+
+@pytest.mark.parametrize("index", ["a.\u00b2", f"a[{'9' * 5000}]"])
+def test_references_to_an_odd_index_are_text(index: str) -> None:
+    text = f"q: '${{{index}}}'\na: [1]\n" + HEAD + CAMERA
+    (one,) = imported([File("config.yaml", text.encode())])
+    assert any(row.key == "q" and row.outcome is Outcome.IGNORED for row in one.report.rows)
+
+
+def test_shared_files_count_with_each_configuration() -> None:
+    shared = File("shared.yaml", f"a: [{'1, ' * 6000}]\n".encode())
+    files = [File(f"c{number}.yaml", (HEAD + CAMERA).encode()) for number in range(20)]
+    with pytest.raises(InputError, match="import fewer files at once"):
+        imported([shared, *files])
 
 
 def test_too_many_files_are_refused() -> None:

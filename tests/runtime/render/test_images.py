@@ -15,7 +15,8 @@ from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.render.texture.mipmaps import mip_levels
+from recipe_runtime.render.scene.geometry import upload
+from recipe_runtime.render.texture.mipmaps import ImageAtlases, mip_levels
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
 from tests.runtime.render.street import appearance, quad
@@ -160,6 +161,25 @@ def test_another_image_changes_no_pixel_that_does_not_show_it() -> None:
     for axis in (0, 1):
         near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)  # an edge's pixels show both
     assert differ.sum() > 200 and not (differ & ~near).any()
+
+
+def test_images_of_props_are_read_once_while_those_of_patches_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what is kept of large images is bounded."""
+    monkeypatch.setattr("recipe_runtime.render.texture.mipmaps._ATLAS_CACHE_TEXELS", 64 * 64 * 3)
+    geometry = upload([Body("board", 0, (("static", board(9.0, 7.0)),))], "cpu")
+    own, *changing = (TexturePlan(file=FilePlan(sha256=f"{n:064x}", bytes=1, kind="png")) for n in range(5))
+    read: list[TexturePlan] = []
+
+    def image(texture: TexturePlan) -> Pixels:
+        read.append(texture)
+        return noise(64, 64)
+
+    atlases = ImageAtlases(geometry, image, "cpu")
+    plan = lit(None).model_copy(update={"textures": {"board": {"face": own}}})
+    made = [atlases.of(plan, [texture]) for texture in changing]
+    assert read == [own, *changing]
+    assert atlases.of(plan, [changing[-1]]) is made[-1]
+    assert len(atlases._kept) == 1
 
 
 _SHADE = """

@@ -18,9 +18,11 @@ from recipe_runtime.render.texture.images import ImageAtlas
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
 Images = Callable[[TexturePlan], NDArray[np.uint8]]  # pixels [H, W, 3], sRGB
+Levels = list[NDArray[np.uint32]]  # mip levels [H, W], the image itself first
 Textures = Mapping[str, Mapping[str, TexturePlan]]  # body -> slot -> image
 _ONE = 65535  # linear light 1.0, as an integer
 _ATLAS_CACHE_SIZE = 4  # each holds all images of an appearance, four thirds of their pixels times four bytes
+_ATLAS_CACHE_TEXELS = 32 << 20  # of all cached atlases together, unless the last one alone has more
 _ROWS = 256  # of an image that are summed at a time
 
 
@@ -30,6 +32,7 @@ class Atlas:
 
     images: DeviceArray
     numbers: Mapping[TexturePlan, int]
+    texels: int
 
 
 class ImageAtlases:
@@ -38,15 +41,32 @@ class ImageAtlases:
     def __init__(self, geometry: Geometry, images: Images | None, device: str) -> None:
         self._geometry, self._images, self._device = geometry, images or no_images, device
         self._kept: dict[tuple[str, ...], Atlas] = {}
+        self._levels: dict[TexturePlan, Levels] = {}  # of the images of the appearance that was used last
 
     def of(self, appearance: AppearancePlan, patched: Sequence[TexturePlan] = ()) -> Atlas:
         """Return an appearance's atlas; `patched` are the images that its patches show."""
         name = appearance.colours if appearance.textures or patched else "", *(t.file.sha256 for t in patched)
         if name not in self._kept:
-            if len(self._kept) >= _ATLAS_CACHE_SIZE:
-                self._kept.pop(next(iter(self._kept)))
-            self._kept[name] = atlas_of(self._geometry, appearance.textures, self._images, self._device, patched)
+            own = {texture for slots in appearance.textures.values() for texture in slots.values()}
+            self._levels = {texture: levels for texture, levels in self._levels.items() if texture in own}
+            made = atlas_of(self._geometry, appearance.textures, self._levels_of, self._device, patched)
+            self._levels = {texture: levels for texture, levels in self._levels.items() if texture in own}
+            self._kept[name] = made
+            self._drop_oldest()
         return self._kept[name]
+
+    def _levels_of(self, texture: TexturePlan) -> Levels:
+        """The levels of an image; those of the last appearance are kept, since images of patches may change."""
+        if texture not in self._levels:
+            self._levels[texture] = mip_levels(self._images(texture))
+        return self._levels[texture]
+
+    def _drop_oldest(self) -> None:
+        def texels() -> int:
+            return sum(atlas.texels for atlas in self._kept.values())
+
+        while len(self._kept) > 1 and (len(self._kept) > _ATLAS_CACHE_SIZE or texels() > _ATLAS_CACHE_TEXELS):
+            self._kept.pop(next(iter(self._kept)))
 
 
 def no_images(texture: TexturePlan) -> NDArray[np.uint8]:
@@ -55,15 +75,20 @@ def no_images(texture: TexturePlan) -> NDArray[np.uint8]:
 
 
 def atlas_of(
-    geometry: Geometry, textures: Textures, images: Images, device: str, patched: Sequence[TexturePlan] = ()
+    geometry: Geometry,
+    textures: Textures,
+    levels_of: Callable[[TexturePlan], Levels],
+    device: str,
+    patched: Sequence[TexturePlan] = (),
 ) -> Atlas:
     """Return the images of a geometry's surfaces and of patches; an image that several show is stored once."""
     wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
     known = list(dict.fromkeys(texture for texture in (*wanted, *patched) if texture is not None))
-    ladders = [mip_levels(images(texture)) for texture in known]
+    ladders = [levels_of(texture) for texture in known]
     of_surface = [-1 if texture is None else known.index(texture) for texture in wanted]
     atlas = image_atlas(ladders, [texture.repeat for texture in known], of_surface, device)
-    return Atlas(atlas, {texture: number for number, texture in enumerate(known)})
+    texels = sum(level.size for ladder in ladders for level in ladder)
+    return Atlas(atlas, {texture: number for number, texture in enumerate(known)}, texels)
 
 
 def image_atlas(
@@ -104,7 +129,7 @@ def _linear() -> NDArray[np.float32]:
     return np.array([srgb_to_linear(v) for v in range(256)], np.float32)
 
 
-def mip_levels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
+def mip_levels(pixels: NDArray[np.uint8]) -> Levels:
     """Return an image [H, W, 3] and its coarser levels, down to one texel, each texel red, green << 8, blue << 16.
 
     Texel i of level l is the mean of the texels i * 2^l to (i + 1) * 2^l of the image, as far as it extends, in linear
