@@ -21,6 +21,7 @@ def problems(stderr: str) -> list[str]:
     return ["".join(parts) for parts in found]
 
 
-def one_line_each(stderr: str) -> str:
-    """The same as text."""
-    return "".join(f"{line}\n" for line in problems(stderr))
+def one_line_each(stderr: str, warnings: bool = True) -> str:
+    """The same as text, without warnings if these are not wanted."""
+    lines = problems(stderr)
+    return "".join(f"{line}\n" for line in lines if warnings or not line.startswith("warning: "))

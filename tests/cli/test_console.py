@@ -53,6 +53,7 @@ def test_what_a_terminal_obeys_or_hides_is_escaped(text: str) -> None:
     assert shown != text and shown.isprintable() and "\\" in shown
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_escaped_text_is_one_printable_line_and_escaping_it_again_changes_nothing(text: str) -> None:
     shown = printable(text)
@@ -314,6 +315,7 @@ def test_urls_are_masked_where_the_command_line_prints() -> None:
     assert safe("s3://KEY:se/cret@bucket/x") == "s3://KEY:***@bucket/x"
 
 
+@pytest.mark.slow
 def test_the_library_names_no_option_of_the_command_line() -> None:
     """Its problems reach Python callers too; `words` adds the options. The card of a dataset may name some."""
     seen = 0

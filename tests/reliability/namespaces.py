@@ -46,7 +46,7 @@ def shell(folder: Path, script: str, **environment: str) -> dict[str, Ended]:
 
 
 def _ended(code: Path) -> Ended:
-    errors = one_line_each(code.with_suffix(".errors").read_text())
+    errors = one_line_each(code.with_suffix(".errors").read_text(), warnings=False)
     return Ended(int(code.read_text()), code.with_suffix(".out").read_text(), errors)
 
 

@@ -49,7 +49,7 @@ class Build:
         out, errors = (path.read_text() for path in self._texts)
         for path in self._texts:
             path.unlink()
-        return Ended(code, out, one_line_each(errors))
+        return Ended(code, out, one_line_each(errors, warnings=False))
 
     def send(self, number: int, *, group: bool = False) -> None:
         """A signal to the build's process, or to all of its group as from a terminal; it may have ended."""

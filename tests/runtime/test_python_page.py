@@ -32,6 +32,7 @@ def small_recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", ["README.md", "docs/python.md"])
 def test_an_example_runs_unchanged(page: str) -> None:
     """That of docs/python.md asked for frame 40 of 31, and raised IndexError."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 from recipe_compiler.ir.plan import Element, Pose, TownPlan
@@ -19,6 +20,8 @@ from recipe_runtime.meshes.plants import bush, hedge, planter, tree
 from recipe_runtime.meshes.roads import carriageway, ground, junction, path, road, sidewalk
 from recipe_runtime.meshes.signs import gantry, guardrail, sign, signal_lamps, traffic_light
 from recipe_runtime.meshes.towers import tower
+
+_KEPT_ELEMENTS = 1000  # 20 KB of vertices and triangles each
 
 _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "bench": bench,
@@ -54,8 +57,31 @@ _KINDS: dict[str, Callable[[Builder, Element], None]] = {
 
 
 def town_bodies(town: TownPlan) -> tuple[Body, ...]:
-    """Return a body per element, in plan order: one part `static` in world coordinates, with instance 0."""
-    return tuple(_body(element) for element in town.elements)
+    """Return a body per element, in plan order: one part `static` in world coordinates, with instance 0.
+
+    The last town that is not large is kept: the scenes of a sweep differ in casts and props, and share their town.
+    """
+    if len(town.elements) > _KEPT_ELEMENTS:
+        return tuple(_body(element) for element in town.elements)
+    return _town_bodies(_ByDigest(town))
+
+
+@dataclass(frozen=True, eq=False)
+class _ByDigest:
+    """A town as a key: its hash and equality are those of its digest, which is computed once for each plan."""
+
+    town: TownPlan
+
+    def __hash__(self) -> int:
+        return hash(self.town.digest)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByDigest) and self.town.digest == other.town.digest
+
+
+@lru_cache(maxsize=1)
+def _town_bodies(key: _ByDigest) -> tuple[Body, ...]:
+    return tuple(_body(element) for element in key.town.elements)
 
 
 def signal_bodies(town: TownPlan) -> tuple[Body, ...]:

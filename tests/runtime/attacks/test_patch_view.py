@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.patches import PatchFace, PatchTexture
-from recipe_compiler.ir.plan import AppearancePlan, CameraResponse
+from recipe_compiler.ir.plan import AppearancePlan, CameraResponse, Pose
 from recipe_runtime.attacks.camera_curve import inverse_tone, tone
 from recipe_runtime.attacks.mip_chain import MipChain, Values, linear_light
 from recipe_runtime.attacks.patch_view import PatchView
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
@@ -204,3 +205,27 @@ def test_curves_and_their_derivatives() -> None:
         measured = (curve(points + step)[0] - curve(points - step)[0]) / (2 * step)
         np.testing.assert_allclose(curve(points)[1], measured, rtol=1e-5)
     np.testing.assert_allclose(inverse_tone(tone(between)[0])[0], between, rtol=1e-9)
+
+
+@pytest.mark.parametrize("weather", ["noon", "rainy"])
+def test_a_frame_that_does_not_show_the_patch_has_no_gradient(weather: str) -> None:
+    scene = scene_of(OWN)
+    plan = with_patches(WEATHERS[weather], patch(PatchTexture(image=file_of(OWN))))
+    seen = scene.see(pose=from_pose(Pose(x=5.0, y=-3.0, z=1.6, yaw=-90)))
+    frame = scene.renderer.patched_frame(seen, plan, "street", 0, 0.0)
+    view = PatchView(frame, "poster", 32, 24)
+    np.testing.assert_array_equal(view.render(OTHER), scene.show(seen, plan))
+    np.testing.assert_array_equal(view.forward(OTHER), view.picture / 255.0)
+    assert not view.backward(OTHER, np.ones(view.picture.shape)).any()
+
+
+@pytest.mark.gpu
+def test_a_gpu_gives_the_same_bytes() -> None:
+    on_cpu, on_gpu = (Scene({file_of(OWN).sha256: OWN}, device=device) for device in ("cpu", "cuda:0"))
+    for weather, lens in (("rainy", "plain"), ("night", "lens")):
+        frames = [frame_of(scene, plan_of(OWN, weather, lens)) for scene in (on_cpu, on_gpu)]
+        first, second = (frame.render({"poster": OTHER}) for frame in frames)
+        np.testing.assert_array_equal(first, second)
+    views = [PatchView(frame_of(scene, plan_of(OWN, "rainy")), "poster", 32, 24) for scene in (on_cpu, on_gpu)]
+    gradients = [view.backward(OTHER, np.ones(view.picture.shape)) for view in views]
+    np.testing.assert_array_equal(gradients[0], gradients[1])

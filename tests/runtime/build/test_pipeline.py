@@ -369,6 +369,7 @@ def test_what_is_not_kept_is_not_said_to_be(tmp_path: Path) -> None:
         locking.lock(dataset_plan(), "", {}, workers=1, progress=lambda *_: None, engines=DYING)
 
 
+@pytest.mark.slow
 def test_a_worker_that_was_lost_between_two_shards_is_an_error_that_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.ir.plan import ActorPlan, Element, Pose, TownPlan
 from recipe_compiler.ir.semantic_tags import Tag
 from recipe_compiler.library import towns
 from recipe_compiler.library.blueprints import LIBRARY, Blueprint
@@ -19,6 +19,7 @@ from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.frames.portrait import matrices, stance
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes import builder as builder_module
+from recipe_runtime.meshes import town as town_module
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.meshes.smoothing import Sheet, flatten
@@ -60,6 +61,20 @@ def check(mesh: Mesh) -> None:
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
     return np.cross(b - a, c - a).astype(np.float64, copy=False)
+
+
+def test_the_last_town_is_kept_for_scenes_that_share_it_unless_it_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scenes of a sweep over casts each built the meshes of their town anew."""
+    element = Element(name="bench", kind="bench", pose=Pose(), size=(1.6, 0.6, 0.9))
+    town = TownPlan(name="one", elements=(element,))
+    kept = town_bodies(town)
+    assert town_bodies(TownPlan.model_validate(town.model_dump())) is kept
+    moved = town.model_copy(update={"elements": (element.model_copy(update={"pose": Pose(x=1.0)}),)})
+    assert digest(town_bodies(moved)) != digest(kept)
+    again = town_bodies(town)
+    assert again is not kept and digest(again) == digest(kept)
+    monkeypatch.setattr(town_module, "_KEPT_ELEMENTS", 0)
+    assert town_bodies(town) is not town_bodies(town)
 
 
 def digest(bodies: tuple[Body, ...]) -> str:
@@ -125,7 +140,9 @@ def test_town() -> None:
         check(body.mesh("static"))
         assert {s.slot for s in body.mesh("static").surfaces} <= set(TOWN.looks[body.name])
         assert all(0 < s.tag <= 28 for s in body.mesh("static").surfaces)
-    assert digest(bodies_of_town()) == digest(town_bodies(TOWN.plan))
+    made = bodies_of_town()
+    town_bodies(TownPlan(name="other", elements=()))  # otherwise the town that was kept would be compared with itself
+    assert digest(made) == digest(town_bodies(TOWN.plan))
 
 
 @pytest.mark.slow

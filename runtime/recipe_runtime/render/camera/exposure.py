@@ -5,6 +5,8 @@ Computed on the host with exact arithmetic, once for each response.
 
 from __future__ import annotations
 
+from functools import cache, lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
@@ -67,11 +69,13 @@ def encoded(levels: int, gamma: float) -> NDArray[np.float64]:
     return np.array(list(values))
 
 
+@lru_cache(maxsize=16)
 def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
     """Return the 8-bit level of each linear level."""
     return np.array([int(255.0 * float(v) + 0.5) for v in encoded(levels, gamma)], np.uint8)
 
 
+@cache
 def deviates() -> NDArray[np.float32]:
     """Return equally likely quantiles of the standard normal distribution, in rising order, [DEVIATES]."""
     values = [normal_quantile((i + 0.5) / DEVIATES) for i in range(DEVIATES)]

@@ -240,6 +240,7 @@ DIRECTIONS = (East, North, West, South)
 KINDS = ("sedan.a", "bus.city", "truck.box", "bicycle.a", "motorcycle.a", "van.a")
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     st.lists(
