@@ -128,10 +128,8 @@ def command(
         again = "with --all, it is resumed" if everything else f"--nonce {options.nonce} draws this sample again"
         fail([Problem("interrupted", help=f"verify again; {again}", code=Code.INTERRUPTED)])
         raise click.exceptions.Exit(130) from None
-    if stopped and "FAIL" not in verdicts:
-        raise RunError(problems)
     if problems and "FAIL" not in verdicts:
-        raise InputError(problems)
+        raise (RunError if stopped else InputError)(problems)
     if problems:
         fail(problems)
     elif as_json:
