@@ -33,6 +33,7 @@ ALLOWED_ADDRESSES = {
     "recipe_compiler/source/merge.py": "the key of values that were merged before, and are held",
     "recipe_compiler/lowering/lower.py": "the key of a scene or rig that was lowered before, and is held",
     "recipe_runtime/annotate/actor_boxes.py": "the key of a body's shape, and is held",
+    "recipe_runtime/meshes/town.py": "the key of the town that was built last, and is held",
     "recipe_runtime/meshes/smoothing.py": "the key of a surface that was numbered before, and is held",
 }
 LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log2", "log10", "pow", "cbrt", "sinh",

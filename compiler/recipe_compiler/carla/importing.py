@@ -16,6 +16,7 @@ from recipe_compiler.carla.report import Default, Node, Report, Row, key_of
 from recipe_compiler.carla.scene import Scene
 from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form, SettingsReader
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.library.weather import PARAMETERS
 from recipe_compiler.source import yaml_reader
 from recipe_compiler.source.merge import Merger
@@ -120,7 +121,7 @@ def _order(problem: Problem) -> tuple[Place, str]:
 
 def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[str]]) -> list[_Source]:
     if len(files) > MAX_FILES:
-        raise InputError(f"{len(files)} files; import at most {MAX_FILES} at once", code=Code.INPUT_LIMIT)
+        raise InputError(f"{count(len(files), 'file')}; import at most {MAX_FILES} at once", code=Code.INPUT_LIMIT)
     found: list[_Source] = []
     values = 0
     for file in files:

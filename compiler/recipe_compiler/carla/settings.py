@@ -26,10 +26,10 @@ _IGNORED = {
     "sync.timeout": "no queues: every sensor has a picture of every frame",
 }
 _ELSEWHERE = {
-    "output_dir": "`recipe build --output` chooses the folder",
+    "output_dir": "the folder is chosen when the recipe is built",
     "defaults": "Hydra's composition is not executed: name the other files in the command",
     "hydra": "Hydra is not executed: it decides folders and log files only",
-    "paths": "the folders of a run; `recipe build --output` chooses the folder",
+    "paths": "the folders of a run; the folder is chosen when the recipe is built",
 }
 
 

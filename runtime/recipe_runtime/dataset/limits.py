@@ -169,7 +169,8 @@ def _patches(variant: ScenarioPlan) -> Iterator[str]:
         if [texture.image is not None, bool(texture.frames), texture.colour is not None].count(True) != 1:
             yield f"patch {patch.name!r}: its texture is not one of an image, a sequence and a colour"
         if texture.frames and len(texture.frames) != scene.clock.frames:
-            yield f"patch {patch.name!r}: {len(texture.frames)} images for {scene.clock.frames} frames"
+            numbers = f"{count(len(texture.frames), 'image')} for {count(scene.clock.frames, 'frame')}"
+            yield f"patch {patch.name!r}: {numbers}"
         if any(file.kind != "png" for file in texture.files):
             yield f"patch {patch.name!r}: its texture is not an image"
 

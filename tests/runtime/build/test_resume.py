@@ -241,7 +241,7 @@ def _other_device(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _other_host(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(host, "name", lambda: ["elsewhere"])
+    monkeypatch.setattr(host, "host_identity", lambda: ["elsewhere"])
 
 
 def _other_code(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,8 +33,8 @@ class MapMemory:
 
     def clear(self, device: str) -> None:
         """Clear all maps."""
-        kernel, memory = kernels.clear_lamp_maps, {"out_keys": self.keys, "out_nearest": self.nearest}
-        launch(kernel, int(self.keys.shape[0]) * _TILES, device, **memory)
+        tiles = int(self.keys.shape[0]) * _TILES
+        launch(kernels.clear_lamp_maps, tiles, device, out_keys=self.keys, out_nearest=self.nearest)
 
     def draw(self, g: Geometry, maps: DeviceArray, world: DeviceArray, chunks: range, device: str) -> None:
         """Draw chunks into the maps, which must be clear; `maps` has the views of as many slots."""
