@@ -114,7 +114,7 @@ def test_other_disks(whole: dict[str, bytes], tmp_path: Path) -> None:
     assert [ends[name].code for name in ("there", "linked", "point")] == [0, 0, 2]
     assert tree(tmp_path / "out") == tree(tmp_path / "other") == whole
     (line,) = ends["point"].errors.splitlines()
-    assert line.endswith(f"disk is a mount point; choose a folder in it, such as {tmp_path}/disk/dataset (--output)")
+    assert line.endswith(f"disk is a mount point; choose a folder (--output) in it, such as {tmp_path}/disk/dataset")
 
 
 def test_kernels_that_cannot_be_kept(whole: dict[str, bytes], tmp_path: Path) -> None:
