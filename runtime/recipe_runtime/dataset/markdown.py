@@ -12,7 +12,7 @@ _WORD_JOINER = "\u2060"  # invisible; an address that contains it is not turned 
 _SIGNS = re.compile(r"[\\`*\[\]<>&!#|~$^{}]|(?<![^\W_])_|_(?![^\W_])")  # an underscore within a word has no meaning
 _STARTS = re.compile(r"^([-+=:])", re.MULTILINE)  # lists, underlines of headings, rules, table rows
 _NUMBERED = re.compile(r"^(\d{1,9})([.)])", re.MULTILINE)
-_ADDRESSES = re.compile(r":(?=//)|(?<=\bwww)\.", re.IGNORECASE)  # which GitHub turns into links
+_ADDRESSES = re.compile(r"(?<!\\):(?=//)|(?<=\bwww)\.", re.IGNORECASE)  # which GitHub turns into links
 
 
 def paragraphs(text: str) -> str:

@@ -55,6 +55,7 @@ def words(text: str) -> list[str]:
 
 @given(TEXTS)
 @example("\n\n".join(HOSTILE))
+@example("://")
 def test_paragraphs_are_plain_text(text: str) -> None:
     tokens = PARSER.parse(paragraphs(text))
     assert {token.type for token in tokens} <= PLAIN
