@@ -53,8 +53,8 @@ python-fits:
 	  echo "Dataset Recipe needs CPython 3.10 or 3.11: PyBullet has no wheels for any other. Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
 	  exit 2; fi
 
-test-quick: install-dev  ## the tests that take under a second each, in a minute or so
-	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak"
+test-quick: install-dev  ## the tests that take under a second each, in about three minutes
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
