@@ -18,7 +18,7 @@ from recipe_compiler.source.yaml_reader import show
 _TURNED = "sign changed"
 _GROUND = "actors stand on the ground"
 _NO_ATTRIBUTE = {
-    "is_invincible": "nobody is hurt here",
+    "is_invincible": "actors cannot be hurt here",
     "sticky_control": "vehicles drive themselves",
     "terramechanics": "roads are solid",
     "speed": "the speed of the entry counts, not that of the blueprint",
@@ -165,7 +165,7 @@ def _write_look(scene: Scene, spec: Spec, to: str) -> None:
 
 
 def _colour(text: str | None) -> str | None:
-    """`"255,0,0"` as `#ff0000`; None if it is none."""
+    """`"255,0,0"` as `#ff0000`; None if it has another form."""
     match = re.fullmatch(r"\s*(\d{1,3})\s*,\s*(\d{1,3})\s*,\s*(\d{1,3})\s*", text or "")
     if match is None or any(int(part) > 255 for part in match.groups()):
         return None

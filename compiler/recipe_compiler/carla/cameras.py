@@ -97,7 +97,7 @@ def note(reader: Reader, attributes: Attributes, to: str) -> None:
 
 
 def reader_number(data: object) -> float | None:
-    """A scalar as a number; None if it is none."""
+    """A scalar as a number; None if it is not a number."""
     try:
         return float(str(data))
     except ValueError:

@@ -40,7 +40,7 @@ class Reader:
         self.problems.append(Problem(f"{node.key}: {message}", node.place, remedy, code))
 
     def number(self, node: Node | None, low: float = -1e6, high: float = 1e6) -> float | None:
-        """A number, also as text; None, with a problem, if the value is none or out of range; None if absent."""
+        """A number, also as text; None if absent, or, with a problem, no number or out of range."""
         if node is None:
             return None
         data = node.value.data
@@ -76,7 +76,7 @@ class Reader:
         return data if isinstance(data, str) else show(data)
 
     def truth(self, node: Node | None) -> bool | None:
-        """A truth value, also as text; None, with a problem, if it is none; None if absent."""
+        """A boolean, also as text; None, with a problem, if the value is not one; None if absent."""
         if node is None:
             return None
         data = node.value.data
@@ -86,14 +86,14 @@ class Reader:
         return found
 
     def map(self, node: Node | None) -> Node | None:
-        """A map; None, with a problem, if it is none; None if absent."""
+        """A map; None, with a problem, if the value is not a map; None if absent."""
         if node is not None and not isinstance(node.value.data, dict):
             self._wrong_type(node, "a map")
             return None
         return node
 
     def items(self, node: Node | None) -> list[Node]:
-        """The items of a list; empty, with a problem, if it is none; empty if absent."""
+        """The items of a list; empty, with a problem, if the value is not a list; empty if absent."""
         if node is None:
             return []
         if not isinstance(node.value.data, tuple):

@@ -38,6 +38,12 @@ class Lens(Protocol):
     def lens_kcube(self) -> float: ...  # noqa: D102
 
 
+def focal_length(camera: Lens) -> float:
+    """Focal length of the camera without distortion, in pixels."""
+    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
+    return camera.width / 2.0 * cosine / sine
+
+
 def bends(camera: Lens) -> bool:
     """Whether the camera has lens distortion."""
     return camera.lens_k != 0.0 or camera.lens_kcube != 0.0

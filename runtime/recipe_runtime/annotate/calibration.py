@@ -15,16 +15,13 @@ from __future__ import annotations
 
 from typing import Literal, TypedDict
 
-import numpy as np
-from recipe_compiler.ir import exact
-from recipe_compiler.ir.optics import bends
+from recipe_compiler.ir.optics import bends, focal_length
 from recipe_compiler.ir.plan import CameraPlan
 from recipe_compiler.ir.plan_types import fixed
 
-from recipe_runtime.core.transforms import Array, compose, invert
+from recipe_runtime.core.transforms import SENSOR_FROM_VIEW, Array, compose, invert
 
 # The sensor frame is x forward, y left, z up.
-_SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0]])
 
 
 class Distortion(TypedDict):
@@ -51,9 +48,8 @@ def calibration(camera: CameraPlan, world_from_sensor: Array) -> Calibration:
         camera: The camera.
         world_from_sensor: Pose of the sensor, [3, 4], x forward, y left, z up, metres.
     """
-    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
-    focal = fixed(camera.width / 2.0 * cosine / sine)
-    pose = compose(world_from_sensor, _SENSOR_FROM_CAMERA)
+    focal = fixed(focal_length(camera))
+    pose = compose(world_from_sensor, SENSOR_FROM_VIEW)
     return {
         "K": [[focal, 0.0, camera.width / 2.0], [0.0, focal, camera.height / 2.0], [0.0, 0.0, 1.0]],
         "distortion": {

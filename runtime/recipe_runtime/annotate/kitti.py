@@ -17,6 +17,7 @@ from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.records import LabelledFrame, LabelRecord
+from recipe_runtime.core.transforms import VIEW_FROM_SENSOR
 
 _DEGREE = math.pi / 180.0
 TYPES: dict[int, str] = {
@@ -46,9 +47,8 @@ def calibration_text(calibration: Calibration) -> str:
     (focal, _, cx), (_, _, cy), _ = calibration["K"]
     projection = [[focal, 0.0, cx - 0.5, 0.0], [0.0, focal, cy - 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]
     unit = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
-    camera_from_sensor = [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
     rows = {f"P{number}:": projection for number in range(4)}
-    rows |= {"R_rect": [row[:3] for row in unit], "Tr_velo_cam": camera_from_sensor, "Tr_imu_velo": unit}
+    rows |= {"R_rect": [row[:3] for row in unit], "Tr_velo_cam": VIEW_FROM_SENSOR.tolist(), "Tr_imu_velo": unit}
     return "".join(f"{name} {_numbers(matrix)}\n" for name, matrix in rows.items())
 
 

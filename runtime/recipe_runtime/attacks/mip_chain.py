@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 
+from recipe_runtime.render.texture.mipmaps import covered, halved
+
 Values = NDArray[np.float64]
 _NODES = 255  # intervals of the table of linear light: 8-bit values lie at its nodes
 
@@ -53,7 +55,7 @@ class MipChain:
             sizes.append(((rows + 1) // 2, (columns + 1) // 2))
         self._sizes = sizes
         self._counts = [
-            (_covered(height, 1 << level)[:, None] * _covered(width, 1 << level)[None, :])[..., None]
+            (covered(height, 1 << level)[:, None] * covered(width, 1 << level)[None, :])[..., None]
             for level in range(len(sizes))
         ]
 
@@ -62,7 +64,7 @@ class MipChain:
         sums: Values = texture
         levels = [texture]
         for counts in self._counts[1:]:
-            sums = _halved(sums)
+            sums = halved(sums)
             levels.append(sums / counts)
         return np.concatenate([level.reshape(-1, 3) for level in levels])
 
@@ -76,17 +78,3 @@ class MipChain:
                 total = np.repeat(np.repeat(total, 2, axis=0)[:rows], 2, axis=1)[:, :columns]
             total = total + own
         return total
-
-
-def _halved(values: Values) -> Values:
-    """Return sums of 2 x 2 values; at odd ends, of those that exist."""
-    rows = values[0::2].copy()
-    rows[: len(values) // 2] += values[1::2]
-    out = rows[:, 0::2].copy()
-    out[:, : rows.shape[1] // 2] += rows[:, 1::2]
-    return out
-
-
-def _covered(length: int, size: int) -> NDArray[np.int64]:
-    """Return the texels of the texture in each texel of a level, along one side."""
-    return np.minimum(size, length - np.arange(0, length, size, dtype=np.int64))

@@ -18,6 +18,10 @@ from recipe_runtime.core.trace import METRE, UNIT, Trace
 
 Array = NDArray[np.float64]
 
+# Camera x right, y down, z forward, from sensor x forward, y left, z up; and the reverse.
+VIEW_FROM_SENSOR = np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+SENSOR_FROM_VIEW = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0]])
+
 
 def compose(a: Array, b: Array) -> Array:
     """The transform that applies b, then a. Shapes broadcast over leading axes."""

@@ -7,29 +7,27 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir import exact, optics
+from recipe_compiler.ir import optics
 from recipe_compiler.ir.patches import STATIC, PatchFace, PatchPlan
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.transforms import Array, compose, invert, part_transforms
+from recipe_runtime.core.transforms import VIEW_FROM_SENSOR, Array, compose, invert, part_transforms
 
 Matrix = NDArray[np.float64]
 
-_VIEW_FROM_SENSOR = np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
 _NEWTON_STEPS = 12
 
 
 def intrinsics(camera: CameraPlan) -> Matrix:
     """Return the camera matrix [3, 3] of the camera without its lens' distortion: pixels from view directions."""
-    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
-    focal = camera.width / 2.0 * cosine / sine
+    focal = optics.focal_length(camera)
     return np.array([[focal, 0.0, camera.width / 2.0], [0.0, focal, camera.height / 2.0], [0.0, 0.0, 1.0]])
 
 
 def view_from_world(world_from_sensor: Array) -> Array:
     """Return the transform [3, 4] into the view of a sensor with this pose [3, 4] (x forward, y left, z up)."""
-    return compose(_VIEW_FROM_SENSOR, invert(world_from_sensor))
+    return compose(VIEW_FROM_SENSOR, invert(world_from_sensor))
 
 
 def view_from_part(patch: PatchPlan, trace: Trace, frame: int, view: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -11,7 +12,7 @@ from pathlib import Path
 
 from recipe_compiler.ir.errors import InputError, RunError
 
-from recipe_runtime.core.files import is_folder, open_folder
+from recipe_runtime.core.files import is_folder, open_folder, read_inside
 
 MARKER = ".dataset-recipe-export"  # in a folder in which an export works
 
@@ -48,6 +49,14 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
             shutil.rmtree(work, ignore_errors=True)
     finally:
         os.close(handle)
+
+
+def read_index(out: Path, name: str, most: int) -> object:
+    """Return the JSON index of an export, of at most `most` bytes; None if it is absent or damaged."""
+    try:
+        return json.loads(read_inside(out, name, most)) if is_folder(out) else None
+    except (OSError, ValueError, RecursionError):
+        return None
 
 
 def remove(path: Path) -> None:

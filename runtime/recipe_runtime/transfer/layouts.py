@@ -13,7 +13,6 @@ files are never exported.
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -31,7 +30,7 @@ from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.transfer import armory
-from recipe_runtime.transfer.export_folder import MARKER, is_empty, remove, work_folder
+from recipe_runtime.transfer.export_folder import MARKER, is_empty, read_index, remove, work_folder
 from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 
 Layout = Literal["mots", "kitti", "armory"]
@@ -189,13 +188,7 @@ def _entries(out: Path) -> set[str]:
 
 def _index_of(out: Path) -> LayoutIndex | None:
     """Return the index of an export; None if there is none, or it is damaged."""
-    found = regular_file(out, INDEX) if is_folder(out) else None
-    if found is None or found.st_size > _LONGEST_INDEX:
-        return None
-    try:
-        index = json.loads((out / INDEX).read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None
+    index = read_index(out, INDEX, _LONGEST_INDEX)
     return cast("LayoutIndex", index) if _is_index(index) else None
 
 

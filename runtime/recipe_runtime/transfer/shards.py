@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 import re
 import tarfile
 from collections.abc import Iterator
@@ -32,7 +31,7 @@ from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
-from recipe_runtime.transfer.export_folder import MARKER, is_empty, work_folder
+from recipe_runtime.transfer.export_folder import MARKER, is_empty, read_index, work_folder
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30
@@ -244,10 +243,7 @@ def _has_other_files(out: Path, index: ExportIndex) -> bool:
 
 def _index_of(out: Path) -> ExportIndex | None:
     """Return the index of an export; None if there is none, or it is damaged."""
-    try:
-        index = json.loads(read_inside(out, INDEX, _LONGEST_INDEX)) if is_folder(out) else None
-    except (OSError, ValueError, RecursionError):
-        return None
+    index = read_index(out, INDEX, _LONGEST_INDEX)
     return cast("ExportIndex", index) if _is_index(index) else None
 
 

@@ -38,6 +38,12 @@ class ShadingInputs:
     bodies: DeviceArray
     lists: TileLists
 
+    def arguments(self) -> dict[str, DeviceArray]:
+        """Return them under the names that kernels give them."""
+        names = "colours", "patches", "air", "beams", "lamps", "bodies"
+        lists = {"lamp_lists": self.lists.lamps, "body_lists": self.lists.bodies, "glow_lists": self.lists.glows}
+        return {name: getattr(self, name) for name in names} | lists
+
 
 @dataclass(frozen=True)
 class ReflectionView:
@@ -161,15 +167,7 @@ def shade_samples(
         threads,
         device,
         samples=samples,
-        colours=lights.colours,
-        patches=lights.patches,
-        air=lights.air,
-        beams=lights.beams,
-        lamps=lights.lamps,
-        bodies=lights.bodies,
-        lamp_lists=lights.lists.lamps,
-        body_lists=lights.lists.bodies,
-        glow_lists=lights.lists.glows,
+        **lights.arguments(),
         previous=previous,
         dirty=dirty,
         out_radiance=out_light.radiance,

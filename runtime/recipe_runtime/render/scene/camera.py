@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from recipe_compiler.ir import exact
+from recipe_compiler.ir import optics
 from recipe_compiler.ir.plan import CameraPlan
 
-from recipe_runtime.core.transforms import Array, compose, invert
+from recipe_runtime.core.transforms import SENSOR_FROM_VIEW, VIEW_FROM_SENSOR, Array, compose, invert
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.pinhole import Pinhole
 
-# Camera x right, y down, z forward, from sensor x forward, y left, z up; and the reverse.
-_VIEW_FROM_SENSOR = np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
-_SENSOR_FROM_VIEW = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0]])
 _HERE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
 
 def pinhole_of(camera: CameraPlan, side: int) -> Pinhole:
     """Return the struct `Pinhole` of a camera, with side x side samples per pixel."""
-    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
     return set_fields(
         Pinhole(),
-        focal=camera.width / 2.0 * cosine / sine,
+        focal=optics.focal_length(camera),
         cx=camera.width / 2.0,
         cy=camera.height / 2.0,
         near=camera.near,
@@ -41,13 +37,13 @@ def world_from_parts(parts: Array) -> Array:
 
 def view_from_parts(world_from_sensor: Array, parts: Array) -> Array:
     """Return the transforms from the world and from each moving part to view space, [..., 1 + P, 3, 4]."""
-    view = compose(_VIEW_FROM_SENSOR, invert(world_from_sensor))
+    view = compose(VIEW_FROM_SENSOR, invert(world_from_sensor))
     return compose(view[..., None, :, :], world_from_parts(parts))
 
 
 def world_from_view(world_from_sensor: Array) -> Array:
     """Return the transform from view space (x right, y down, z forward) to the world, [..., 3, 4]."""
-    return compose(world_from_sensor, _SENSOR_FROM_VIEW)
+    return compose(world_from_sensor, SENSOR_FROM_VIEW)
 
 
 def upload_transforms(transforms: Array, device: str) -> DeviceArray:

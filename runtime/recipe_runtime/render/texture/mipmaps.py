@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 Images = Callable[[TexturePlan], NDArray[np.uint8]]  # pixels [H, W, 3], sRGB
 Levels = list[NDArray[np.uint32]]  # mip levels [H, W], the image itself first
 Textures = Mapping[str, Mapping[str, TexturePlan]]  # body -> slot -> image
+_Number = TypeVar("_Number", np.int64, np.float64)
 _ONE = 65535  # linear light 1.0, as an integer
 _ATLAS_CACHE_SIZE = 4  # each holds all images of an appearance, four thirds of their pixels times four bytes
 _ATLAS_CACHE_TEXELS = 32 << 20  # of all cached atlases together, unless the last one alone has more
@@ -141,16 +143,16 @@ def mip_levels(pixels: NDArray[np.uint8]) -> Levels:
     if height == 1 and width == 1:
         return levels
     # The first level is computed in strips of rows: sums need eight times the memory of the image.
-    strips = [_halved(linear[pixels[y : y + _ROWS]]) for y in range(0, height, _ROWS)]
+    strips = [halved(linear[pixels[y : y + _ROWS]]) for y in range(0, height, _ROWS)]
     sums, size = np.concatenate(strips), 2
     while True:
-        levels.append(_packed(_nearest(sums, _covered(height, size)[:, None] * _covered(width, size)[None, :])))
+        levels.append(_packed(_nearest(sums, covered(height, size)[:, None] * covered(width, size)[None, :])))
         if sums.shape[:2] == (1, 1):
             return levels
-        sums, size = _halved(sums), size * 2
+        sums, size = halved(sums), size * 2
 
 
-def _halved(values: NDArray[np.int64]) -> NDArray[np.int64]:
+def halved(values: NDArray[_Number]) -> NDArray[_Number]:
     """Return sums of 2 x 2 values; at odd ends, of those that exist."""
     rows = values[0::2].copy()
     rows[: len(values) // 2] += values[1::2]
@@ -159,7 +161,7 @@ def _halved(values: NDArray[np.int64]) -> NDArray[np.int64]:
     return out
 
 
-def _covered(length: int, size: int) -> NDArray[np.int64]:
+def covered(length: int, size: int) -> NDArray[np.int64]:
     """Return the number of texels of the image in each texel of a level, along one side."""
     return np.minimum(size, length - np.arange(0, length, size, dtype=np.int64))
 
