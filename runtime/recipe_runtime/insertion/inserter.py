@@ -28,7 +28,7 @@ class FrameRenderer(Protocol):
         """Return the picture, uint8 [H, W, 3] sRGB. The next call may overwrite it."""
 
     def patch_map(self, appearance: AppearancePlan) -> NDArray[np.uint8]:
-        """Return 1 + the number of the patch that each pixel shows, uint8 [H, W]; 0 for none."""
+        """Return 1 + the index of the patch that each pixel shows, uint8 [H, W]; 0 for none."""
 
 
 class Inserter:
@@ -46,7 +46,7 @@ class Inserter:
     def picture(
         self, renderer: FrameRenderer, appearance: AppearancePlan, sensor: SensorPlan, frame: int
     ) -> NDArray[np.uint8]:
-        """Return the picture of a frame, with the textures that are inserted into it, uint8 [H, W, 3] sRGB.
+        """Return the picture of a frame with inserted textures, uint8 [H, W, 3] sRGB.
 
         Args:
             renderer: The renderer of the frame.
@@ -64,16 +64,16 @@ class Inserter:
             rows, columns = np.nonzero(shown == number + 1)
             if not patch.inserted or not len(rows):
                 continue
-            there = projection.view_from_part(patch, self._trace, frame, view)
-            back = projection.inverse(projection.homography(patch.faces[0], sensor.camera, there))
+            view_from_part = projection.view_from_part(patch, self._trace, frame, view)
+            to_texture = projection.inverse(projection.homography(patch.faces[0], sensor.camera, view_from_part))
             chart = _chart(renderer, appearance, number) if uses_chart(patch.transfer) else None
             texture = self._texture(patch, frame)
-            values = _values(patch, texture, chart, back, sensor.camera, columns, rows, before[rows, columns])
+            values = _values(patch, texture, chart, to_texture, sensor.camera, columns, rows, before[rows, columns])
             picture[rows, columns] = np.floor(np.clip(values, 0.0, 255.0) + 0.5).astype(np.uint8)
         return picture
 
     def _texture(self, patch: PatchPlan, frame: int) -> Image:
-        """The texture of a patch in a frame; one texel for a colour."""
+        """Return the texture of a patch in a frame; a single texel for a colour."""
         file = patch.texture.at(frame)
         if file is None:
             code = str(patch.texture.colour)
@@ -87,7 +87,7 @@ class Inserter:
 
 
 def _chart(renderer: FrameRenderer, appearance: AppearancePlan, number: int) -> ChartPixels:
-    """What the frame shows of a colour chart in the place of a patch."""
+    """Render a colour chart in the place of a patch, and return its histograms."""
     with_chart = chart_appearance(appearance, number)
     picture = renderer.picture(with_chart)
     return chart_pixels(picture, renderer.patch_map(with_chart), number)
@@ -97,27 +97,27 @@ def _values(
     patch: PatchPlan,
     texture: Image,
     chart: ChartPixels | None,
-    back: Array,
+    to_texture: Array,
     camera: CameraPlan,
     columns: NDArray[np.int64],
     rows: NDArray[np.int64],
     placeholder: NDArray[np.uint8],
 ) -> Array:
-    """The inserted values of pixels, float64 [N, 3], before clipping and rounding.
+    """Return the inserted values of pixels, float64 [N, 3], before clipping and rounding.
 
     Args:
         patch: The patch.
         texture: Its texture.
-        chart: What the picture shows of a chart in its place, if its transform needs that.
-        back: The homography [3, 3] from undistorted pixels to the texture.
+        chart: The histograms of a chart in its place, if its transform needs them.
+        to_texture: The homography [3, 3] from undistorted pixels to the texture.
         camera: The camera.
         columns: The pixels' columns, [N].
         rows: Their rows, [N].
         placeholder: Their values before insertion, uint8 [N, 3].
     """
     x, y = projection.undistorted(camera, columns.astype(np.float64) + 0.5, rows.astype(np.float64) + 0.5)
-    image = reduced(texture, *texture_size(texture, back, x, y))
-    u, v, _ = projection.apply_homography(back, x, y)
+    image = reduced(texture, *texture_size(texture, to_texture, x, y))
+    u, v, _ = projection.apply_homography(to_texture, x, y)
     if patch.transfer is None:
         return sampled(image, u, v)
     change = transfer(patch.transfer, chart)

@@ -1,6 +1,6 @@
-"""Textures resampled for a picture: reduced to the size at which it shows them, then sampled at its pixels.
+"""Resampling of textures for a picture: downsampling to the size at which it shows them, then bilinear sampling.
 
-Only + - * / on float64 and integers, elementwise, so that every host computes the same values.
+Arithmetic is elementwise + - * / and sqrt on float64 and integers, so that every host computes the same values.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ Image = NDArray[np.uint8]
 
 
 def texture_size(image: Image, back: Array, x: Array, y: Array) -> tuple[int, int]:
-    """Return the width and height, in pixels, at which a picture shows a texture; no more than it has.
+    """Return the width and height, in pixels, at which a picture shows a texture; at most the texture's own.
 
     Args:
         image: The texture, uint8 [h, w, 3].
-        back: The homography [3, 3] from pixels (x, y, 1) to (u, v, 1), 0 to 1 each, times a factor.
+        back: The homography [3, 3] from pixels (x, y, 1) to (u, v, 1) times a factor, with u and v from 0 to 1.
         x: Horizontal positions of the pixels that show it, [N], at least one.
         y: Vertical positions, [N].
     """
@@ -34,7 +34,7 @@ def texture_size(image: Image, back: Array, x: Array, y: Array) -> tuple[int, in
 
 
 def reduced(image: Image, width: int, height: int) -> Array:
-    """Return an image of this size, float64 [height, width, 3], by the exact mean over the area of each new texel.
+    """Return an image downsampled to a size, float64 [height, width, 3]: the exact mean over each new texel's area.
 
     Args:
         image: uint8 [h, w, 3].
@@ -47,7 +47,7 @@ def reduced(image: Image, width: int, height: int) -> Array:
 
 
 def _area_sums(values: NDArray[np.int64], size: int, axis: int) -> NDArray[np.int64]:
-    """Sums over `size` equal lengths of an axis, times `size`."""
+    """Return sums over `size` equal intervals of an axis, times `size`."""
     length = values.shape[axis]
     if size == length:
         return values * size
@@ -62,7 +62,7 @@ def _area_sums(values: NDArray[np.int64], size: int, axis: int) -> NDArray[np.in
 
 
 def sampled(image: Array, u: Array, v: Array) -> Array:
-    """Return an image's bilinear values at points, float64 [N, 3]; beyond its edge, the edge's.
+    """Sample an image bilinearly at points, float64 [N, 3]; coordinates are clamped to the edge.
 
     Args:
         image: float64 [h, w, 3].
@@ -77,7 +77,7 @@ def sampled(image: Array, u: Array, v: Array) -> Array:
 
 
 def _neighbours(u: Array, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """The texels on both sides of positions, and the weight of the second."""
+    """Return the indices of the texels on both sides of positions, and the weight of the second."""
     at = np.clip(u * float(size) - 0.5, 0.0, float(size - 1))
     first = np.floor(at).astype(np.int64)
     return first, np.minimum(first + 1, size - 1), at - first

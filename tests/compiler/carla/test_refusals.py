@@ -61,8 +61,8 @@ REFUSED = {
     ),
     "no kind": (
         HEAD + CAMERA + "  - blueprint: {name: '*'}\n",
-        'config.yaml:4:17: spawn_actors[1].blueprint.name: "*" is not a blueprint of CARLA\'s; write walker.*, vehicle.*'
-        " or the name of a sensor, such as sensor.camera.rgb",
+        'config.yaml:4:17: spawn_actors[1].blueprint.name: "*" is not a blueprint of CARLA\'s; write walker.*,'
+        " vehicle.* or the name of a sensor, such as sensor.camera.rgb",
     ),
     "position": (
         HEAD + CAMERA + "    transform: {location: {x: far}}\n",
@@ -120,8 +120,8 @@ REFUSED = {
     "tag": (HEAD + CAMERA + "weather: !!python/object:os.system {}\n", "config.yaml:4:10: the tag"),
     "colour": (
         HEAD + CAMERA + "  - blueprint: {name: vehicle.*, attr: {color: blue}}\n",
-        'config.yaml:4:41: spawn_actors[1].blueprint.attr.color: "blue" is not a colour; write red, green, blue, such as'
-        ' "255,0,0"',
+        'config.yaml:4:41: spawn_actors[1].blueprint.attr.color: "blue" is not a colour; write red, green, blue, such'
+        ' as "255,0,0"',
     ),
     "class": (
         "max_frames: 1\nactors:\n  a: {_target_: os.system}\n",
