@@ -31,6 +31,7 @@ class ShadedAppearance:
 
     plan: AppearancePlan
     light: WeatherLight  # at time 0
+    air: Air  # at the time of the frame that is being prepared
     colours: DeviceArray  # a one-element array of SurfaceColours
     response: CameraResponse
     tables: Tables
