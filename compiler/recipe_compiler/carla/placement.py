@@ -18,7 +18,7 @@ from typing import Literal
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.ground.obstacles import BUILDINGS
-from recipe_compiler.ir.ground.ways import Planner
+from recipe_compiler.ir.ground.path_planner import Planner
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library import towns
 from recipe_compiler.library.towns import Town
