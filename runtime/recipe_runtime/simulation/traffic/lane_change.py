@@ -35,7 +35,7 @@ class Neighbour:
 
 @dataclass(frozen=True, slots=True)
 class Own:
-    """The vehicle that thinks about changing lanes."""
+    """The vehicle that considers a lane change."""
 
     speed: float
     desired: float
@@ -90,14 +90,14 @@ def gain(
 
 
 class LaneChanger:
-    """The lane of one vehicle on a road with several lanes; counted from its path's, positive to the left."""
+    """The lane of one vehicle on a road with several lanes, counted from its path's lane, positive to the left."""
 
     def __init__(self) -> None:
         self.lane = 0
         self._since = -math.inf  # time of the last change, seconds
 
     def decide(self, vehicle: Vehicle, own: Own, lanes: Lanes, neighbours: Sequence[Body], seconds: float) -> float:
-        """Return the offset that the vehicle should take, metres to the left of its path.
+        """Return the desired offset of the vehicle, metres to the left of its path.
 
         Args:
             vehicle: The vehicle, on a straight road.
@@ -153,7 +153,7 @@ def _by_lane(
 
 
 def _band(body: Body, aside: float) -> tuple[float, float]:
-    """Return the edges of a body to the left of the path, those of a lane change that it has begun included."""
+    """Return the edges of a body, metres to the left of the path, including a lane change that it has begun."""
     driver = getattr(body, "driver", None)
     shift = driver.offset - body.offset if driver is not None else 0.0  # type: ignore[attr-defined]
     return aside - body.radius + min(shift, 0.0), aside + body.radius + max(shift, 0.0)

@@ -15,7 +15,7 @@ _AHEAD, _BEHIND, _ASIDE = 40.0, 25.0, 1.5  # metres of the lane that must be fre
 
 
 def exchange(agents: Iterable[Agent], neighbours: NeighbourGrid) -> None:
-    """Take out the vehicles that have arrived, and let in those whose place is free, in plan order.
+    """Remove the vehicles that have arrived, and admit those whose entry is free, in plan order.
 
     Args:
         agents: All agents.
