@@ -62,7 +62,7 @@ class JunctionControl:
         self._setbacks = [[0.0] * 4 for _ in road_map.junctions]
         self._measured: list[set[int]] = [set() for _ in road_map.junctions]
         self._claims: list[list[tuple[Passage, Crossing, Vehicle]]] = [[] for _ in road_map.junctions]
-        self._overtaken: list[set[int]] = [set() for _ in road_map.junctions]  # arms on which somebody overtakes
+        self._overtaken: list[set[int]] = [set() for _ in road_map.junctions]  # arms on which a vehicle overtakes
         self._seconds: float | None = None
 
     def setback(self, crossing: Crossing) -> float:

@@ -1,9 +1,9 @@
 """Lane changes on roads with several lanes: MOBIL.
 
 Source: A. Kesting, M. Treiber, D. Helbing, "General lane-changing model MOBIL for car-following models",
-Transportation Research Record 1999 (2007). A vehicle changes lanes if nobody has to brake hard for it, and if its own
-advantage and a part of the others' exceed a threshold. A bias favours the right lane mildly; passing on the right is
-not forbidden.
+Transportation Research Record 1999 (2007). A vehicle changes lanes if no other vehicle has to brake hard for it, and if
+its own advantage plus a share of the others' advantage exceeds a threshold. A bias favours the right lane mildly;
+passing on the right is permitted.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class LaneChanger:
         Args:
             vehicle: The vehicle, on a straight road.
             own: Its speed, desired speed and style.
-            lanes: The lanes beside the one in which its path lies.
+            lanes: The lanes next to the one of its path.
             neighbours: Agents in its neighbourhood, in plan order.
             seconds: Time since frame 0.
         """

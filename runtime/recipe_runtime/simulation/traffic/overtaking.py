@@ -90,7 +90,7 @@ class Overtaking:
         if ahead < -sizes - 1.0 - 0.2 * vehicle.speed or ahead > 40.0 or not body.present:
             self._plan = None
             return None
-        if ahead > sizes:  # not yet beside
+        if ahead > sizes:  # not yet alongside
             speed = body.velocity[0] * tx + body.velocity[1] * ty
             leader, room = (ahead - sizes, speed), room_ahead(vehicle, self._junctions) + 4.0
             if not _free(vehicle, neighbours, body, leader, plan.offset, room, roads):
@@ -163,7 +163,7 @@ def _free(
 
 
 def _overtaken(vehicle: Vehicle, neighbours: Sequence[Body], offset: float) -> bool:
-    """Return whether somebody behind is beside or about to overtake."""
+    """Return whether a vehicle behind overtakes or is about to."""
     tx, ty = vehicle.path.tangent(vehicle.progress)
     for body in neighbours:
         dx, dy = body.x - vehicle.x, body.y - vehicle.y
@@ -182,6 +182,6 @@ def _is_bicycle(body: Body) -> bool:
 
 
 def is_stalled(body: Body) -> bool:
-    """Return whether a body stands for a reason of its own: not in a queue, nor at a stop line."""
+    """Return whether a body is stationary for a reason of its own: neither in a queue nor at a stop line."""
     driver = getattr(body, "driver", None)
     return driver is None or driver.stalled

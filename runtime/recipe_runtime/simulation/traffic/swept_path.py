@@ -24,7 +24,7 @@ _POSE_STEP, _TRACTRIX_STEP = 1.0, 0.25  # metres along the path
 _SLICE, _LONG_SLICE = 0.6, 1.0  # metres of a body that one circle covers, and of one longer than a van
 _VAN = 5.6  # metres
 MARGIN = 0.3  # metres that two bodies keep apart
-_FAR = 25.0  # metres from a junction's middle beyond which nobody is touched
+_FAR = 25.0  # metres from a junction's middle beyond which nothing is touched
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +190,7 @@ def _poses(
 
 
 def _beside(path: Path, metres: float, offset: float) -> tuple[float, float, Point]:
-    """Return the point beside the path at an arc length, and the direction of the path there."""
+    """Return the point at an offset from the path at an arc length, and the direction of the path there."""
     (ax, ay), (bx, by) = path.at(metres - 0.5), path.at(metres + 0.5)
     dx, dy = bx - ax, by - ay
     size = max(math.sqrt(dx * dx + dy * dy), 1e-9)
