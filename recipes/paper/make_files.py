@@ -23,7 +23,7 @@ def patch() -> NDArray[np.uint8]:
 
 
 def orange() -> NDArray[np.uint8]:
-    """An orange's skin, : pores on a regular grid that is shifted from row to row."""
+    """An orange's skin: pores on a regular grid that is shifted from row to row."""
     height, width, step = 384, 512, 8
     y, x = np.mgrid[0:height, 0:width]
     shift = (y // step % 2) * (step // 2)
