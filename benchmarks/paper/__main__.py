@@ -1,8 +1,8 @@
 """Measures the paper's studies, prints a table of each, and writes it and the study's sheet into docs/paper/.
 
-    python -m benchmarks.paper              # all studies
-    python -m benchmarks.paper insertion
-    python -m benchmarks.paper --check      # write nothing: exit with 1 if a page or a sheet is not what was measured
+python -m benchmarks.paper              # all studies
+python -m benchmarks.paper insertion
+python -m benchmarks.paper --check      # write nothing: exit with 1 if a page or a sheet is not what was measured
 """
 
 from __future__ import annotations

@@ -121,7 +121,9 @@ def aligned() -> Measured:
         cells = [("depth", sheets.colour_depth(depth)), ("RGB", seen)]
         cells.append(("instances", sheets.colour_instances(objects)))
         person = objects == min(record["instance"] for record in clip.labels(shown) if record["actor"] == "hero1")
-        cells.append(("outline of an instance on RGB", sheets.around(sheets.outlined(seen, objects), person, 0.1, (4, 3))))
+        cells.append(
+            ("outline of an instance on RGB", sheets.around(sheets.outlined(seen, objects), person, 0.1, (4, 3)))
+        )
         with opened("aligned", "weather=foggy") as foggy:
             labels = labels_equal(clip, foggy, clip.frames())
     rows = [
@@ -184,7 +186,9 @@ def background_ablation() -> Measured:
         model = next(iter(subtractors().values()))
         kept = [model(seen) for seen in pictures]
         cells += [(f"{camera}, frame {n}", pictures[n]) for n in (shown, shown + 8)]
-        cells += [(f"{camera}, what is left of frame {n}", sheets.keep(pictures[n], kept[n])) for n in (shown, shown + 8)]
+        cells += [
+            (f"{camera}, what is left of frame {n}", sheets.keep(pictures[n], kept[n])) for n in (shown, shown + 8)
+        ]
     return Measured(rows, Sheet(tuple(cells), 4, (320, 240)))
 
 
