@@ -81,8 +81,8 @@ test-ray: install-dev  ## the same bytes from a Ray cluster of two nodes, one of
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'
 	$(BIN)/python -m pytest -q -m ray
 
-test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (CPU build where there is one)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'torchvision==0.28.0'
+test-torch: install-dev  ## PyTorch's dataset, `SceneView` and ART's attack, with PyTorch (CPU build where there is one) and ART installed for it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'adversarial-robustness-toolbox==1.20.1'
 	$(BIN)/python -m pytest -q -m torch
 
 test-trackeval: install-dev  ## TrackEval's scores of the exported layouts, without its plots and pictures

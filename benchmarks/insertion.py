@@ -1,10 +1,11 @@
-"""Error of each way to insert a patch into a picture, against the patch that is rendered in the scene.
+"""Error of each method that inserts a patch into a picture, relative to the patch rendered in the scene.
 
     python -m benchmarks.insertion              # print the table, and write it and the figure into docs/
-    python -m benchmarks.insertion --check      # write nothing: exit with 1 if the page has another table
+    python -m benchmarks.insertion --check      # write nothing; exit with 1 if the table is outdated
 
-For each weather and hour of recipes/attacks/poster_hours.yaml: the mean absolute difference to mode `rendered`, in
-8-bit levels, over the pixels that show the patch, all channels, and all frames. The figure shows one frame.
+For each weather and hour of recipes/attacks/poster_hours.yaml: the mean absolute difference from mode `rendered`, in
+8-bit levels, over the pixels that show the patch, all channels, and all frames. The figure has a row for each weather
+and hour and a column for each method, and shows one frame.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ Picture = NDArray[np.uint8]
 
 
 def main() -> int:
-    """Measure every way in every weather at every hour, and return the exit code."""
+    """Measure every method in every weather at every hour, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="compare with the page, and write nothing")
     check = parser.parse_args().check
@@ -62,27 +63,27 @@ def main() -> int:
         for frame in range(scene.clock.frames):
             mask, pictures = compared(source, variants, frame)
             for name, picture in pictures.items():
-                gap = np.abs(picture.astype(int) - pictures["rendered"])[mask]
-                found.setdefault(name, []).append(float(gap.mean()))
+                difference = np.abs(picture.astype(int) - pictures["rendered"])[mask]
+                found.setdefault(name, []).append(float(difference.mean()))
             if frame == SHOWN:
                 rows.append((f"{weather} {hour}", [cropped(picture, mask) for picture in pictures.values()]))
-        means = {TITLES[name]: f"{np.mean(gaps):.1f}" for name, gaps in found.items() if name != "rendered"}
+        means = {TITLES[name]: f"{np.mean(values):.1f}" for name, values in found.items() if name != "rendered"}
         table.append({"weather": weather, "hour": hour, **means})
     print(markdown(table))
     if not check:
         write_table(PAGE, COMMAND, table)
         sheet(rows).save(FIGURE, quality=QUALITY, optimize=True)
     elif table_of(PAGE, COMMAND) != markdown(table):
-        print(f"{PAGE}: the table is not what was measured", file=sys.stderr)
+        print(f"{PAGE}: the table differs from what was measured", file=sys.stderr)
         return 1
     return 0
 
 
 def variants_of(plan: DatasetPlan, weather: str, hour: str) -> dict[str, ScenarioPlan]:
-    """The variants of a weather at an hour by way of insertion, with one for each method of colour transfer."""
-    there = {variant.variant: variant for variant in plan.variants}
-    ways = ("rendered", "green", "digital", "color_transfer")
-    found = {mode: there[f"weather={weather},insertion={mode},hour={hour}"] for mode in ways}
+    """Return the variants of a weather and hour by method; colour transfer has one for each transfer method."""
+    by_name = {variant.variant: variant for variant in plan.variants}
+    modes = ("rendered", "green", "digital", "color_transfer")
+    found = {mode: by_name[f"weather={weather},insertion={mode},hour={hour}"] for mode in modes}
     transfer = found.pop("color_transfer")
     for method in sorted(get_args(TransferMethod), key=list(TITLES).index):
         patches = tuple(p.model_copy(update={"transfer": method}) for p in transfer.appearance.patches)
@@ -109,10 +110,10 @@ def cropped(picture: Picture, mask: NDArray[np.bool_]) -> Picture:
 
 
 def sheet(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Image.Image:
-    """The pictures in rows, with the ways above the columns, and weather and hour before the rows."""
+    """Return the pictures as a table: a row for each weather and hour, a column with a title for each method."""
     height = WIDTH * rows[0][1][0].shape[0] // rows[0][1][0].shape[1]
-    laid = Image.new("RGB", (SIDE + WIDTH * len(TITLES), CAPTION + height * len(rows)), (255, 255, 255))
-    pen, font = ImageDraw.Draw(laid), ImageFont.load_default(14)
+    picture_table = Image.new("RGB", (SIDE + WIDTH * len(TITLES), CAPTION + height * len(rows)), (255, 255, 255))
+    pen, font = ImageDraw.Draw(picture_table), ImageFont.load_default(14)
     for column, title in enumerate(TITLES.values()):
         pen.text((SIDE + column * WIDTH + WIDTH / 2, 3), title, fill=(24, 26, 31), font=font, anchor="ma")
     for row, (name, pictures) in enumerate(rows):
@@ -121,8 +122,8 @@ def sheet(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Image.Image:
             pen.text((4, top + height / 2 + 18 * (line - 1)), word, fill=(24, 26, 31), font=font)
         for column, picture in enumerate(pictures):
             small = Image.fromarray(picture).resize((WIDTH - 3, height - 3), Image.Resampling.LANCZOS)
-            laid.paste(small, (SIDE + column * WIDTH + 1, top + 1))
-    return laid
+            picture_table.paste(small, (SIDE + column * WIDTH + 1, top + 1))
+    return picture_table
 
 
 if __name__ == "__main__":

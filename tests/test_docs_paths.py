@@ -12,8 +12,10 @@ from tests.sources import PACKAGES, ROOT
 from tests.test_layers import LAYERS
 
 PAGES = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md")]
-PAGES += [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "requirements" / "README.md"]
-TOPS = (".ci", "benchmarks", "cli", "compiler", "docs", "lockfiles", "recipes", "requirements", "runtime", "tests")
+PAGES += [page for top in ("docs", "examples") for page in sorted((ROOT / top).rglob("*.md"))]
+PAGES += [ROOT / "requirements" / "README.md"]
+TOPS = {".ci", "benchmarks", "cli", "compiler", "docs", "examples", "lockfiles", "recipes", "requirements", "runtime"}
+TOPS |= {"tests"}
 PLACEHOLDER = re.compile(r"[<>*{}$]|NAME|RECIPE|DATASET|FOLDER|rain_bench")  # `commands/NAME.py` stands for any name
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
@@ -99,7 +101,7 @@ def test_make_targets_and_python_modules_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.M))
     assert set(re.findall(r"(?:`|^ {4}|^)make ([a-z][a-z0-9-]*)", text, re.M)) <= targets
-    for module in re.findall(r"python -m ((?:benchmarks|tests)[\w.]*)", text):
+    for module in re.findall(r"python -m ((?:benchmarks|examples|tests)[\w.]*)", text):
         place = ROOT / module.replace(".", "/")
         assert place.is_dir() or place.with_suffix(".py").exists(), module
 

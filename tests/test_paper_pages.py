@@ -11,7 +11,7 @@ import pytest
 from benchmarks import insertion
 from benchmarks.pages import markdown, table_of, write_table
 from benchmarks.paper import __main__ as paper
-from benchmarks.paper.sheets import LARGEST, Sheet, around, marked, outlined
+from benchmarks.paper.sheets import MAX_BYTES, Sheet, around, marked, outlined
 from benchmarks.paper.studies import STUDIES, Measured
 from tests.sources import ROOT
 
@@ -43,7 +43,7 @@ def test_a_page_has_figure_recipe_sheet_and_table(name: str) -> None:
     assert re.search(r"^Figure \d of the paper", text, re.M)
     (recipe,) = re.findall(r"^    recipe build (recipes/paper/\w+\.yaml)$", text, re.M)
     assert (ROOT / recipe).is_file() and recipe in INDEX.read_text()
-    assert f"({name}.jpg)" in text and (paper.PAGES / f"{name}.jpg").stat().st_size < LARGEST
+    assert f"({name}.jpg)" in text and (paper.PAGES / f"{name}.jpg").stat().st_size < MAX_BYTES
     assert table_of(paper.PAGES / f"{name}.md", paper.command(name)).count("\n") > 2, "run `make paper`"
 
 
@@ -77,7 +77,7 @@ def test_what_was_measured_is_written_and_then_found_unchanged(
     monkeypatch.setattr(paper, "STUDIES", {"small": lambda: measured(level=91)})
     assert paper.main(["--check", "small"], page.parent) == 1
     said = capsys.readouterr().err
-    assert "small.md: the table is not" in said and "small.jpg: the sheet is not" in said
+    assert "small.md: the table differs" in said and "small.jpg: the sheet differs" in said
     assert "2.6" in page.read_text() and page.with_suffix(".jpg").read_bytes() == written[1], "--check writes nothing"
 
 

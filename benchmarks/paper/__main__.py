@@ -1,8 +1,10 @@
-"""Measures the paper's studies, prints a table of each, and writes it and the study's sheet into docs/paper/.
+"""Run the paper's studies, all or the named ones, print a table for each, and write it and a sheet into docs/paper/.
 
-python -m benchmarks.paper              # all studies
-python -m benchmarks.paper insertion
-python -m benchmarks.paper --check      # write nothing: exit with 1 if a page or a sheet is not what was measured
+    python -m benchmarks.paper              # all studies
+    python -m benchmarks.paper insertion
+    python -m benchmarks.paper --check      # write nothing; exit with 1 if a page or a sheet is outdated
+
+The tables and sheets of docs/paper/ are not edited by hand.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ def main(arguments: list[str], pages: Path = PAGES) -> int:
     options = parser.parse_args(arguments)
     unknown = set(options.names) - STUDIES.keys()
     if unknown:
-        parser.error(f"there is no study {sorted(unknown)[0]!r}; there are {', '.join(STUDIES)}")
+        parser.error(f"unknown study {sorted(unknown)[0]!r}; choose from {', '.join(STUDIES)}")
     outdated = []
     for name in options.names or STUDIES:
         measured = STUDIES[name]()
@@ -48,14 +50,14 @@ def command(name: str) -> str:
 
 
 def differences(name: str, measured: Measured, pages: Path) -> list[str]:
-    """Return what in the page and the sheet of a study is not what was measured."""
+    """Return which of the table and the sheet of a study differ from what was measured."""
     found = []
     if table_of(pages / f"{name}.md", command(name)) != markdown(measured.table):
-        found.append(f"{pages / name}.md: the table is not what was measured")
+        found.append(f"{pages / name}.md: the table differs from what was measured")
     with tempfile.TemporaryDirectory() as folder:
         sheets.save(measured.sheet, Path(folder) / "sheet.jpg")
         if (Path(folder) / "sheet.jpg").read_bytes() != (pages / f"{name}.jpg").read_bytes():
-            found.append(f"{pages / name}.jpg: the sheet is not what was rendered")
+            found.append(f"{pages / name}.jpg: the sheet differs from what was rendered")
     return found
 
 

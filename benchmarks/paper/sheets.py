@@ -1,4 +1,4 @@
-"""Small JPEG sheets of pictures with captions, white as a paper's page."""
+"""Contact sheets: JPEG files of small pictures with captions, on white."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-GAP, STRIP, LARGEST = 6, 24, 100_000  # pixels, pixels, bytes
-PAPER, INK = (255, 255, 255), (24, 26, 31)
-HIT, MISS, NONE = (52, 168, 83), (234, 67, 53), (24, 26, 31)  # of `marked`
+GAP, CAPTION, MAX_BYTES = 6, 24, 100_000  # pixels between pictures, height of a caption in pixels, size of a file
+BACKGROUND, TEXT = (255, 255, 255), (24, 26, 31)
+TRUE_POSITIVE, FALSE_POSITIVE, NEGATIVE = (52, 168, 83), (234, 67, 53), (24, 26, 31)  # of `marked`
 OUTLINE = (255, 0, 255)
 
 Picture = NDArray[np.uint8]  # [H, W, 3]
@@ -56,8 +56,8 @@ def keep(picture: Picture, mask: Mask) -> Picture:
 
 def marked(found: Mask, wanted: Mask) -> Picture:
     """Return the found pixels as a picture: green where they are wanted, red elsewhere."""
-    colours = np.where(wanted[..., None], HIT, MISS)
-    return np.where(found[..., None], colours, NONE).astype(np.uint8)
+    colours = np.where(wanted[..., None], TRUE_POSITIVE, FALSE_POSITIVE)
+    return np.where(found[..., None], colours, NEGATIVE).astype(np.uint8)
 
 
 def around(picture: Picture, mask: Mask, margin: float, shape: tuple[int, int]) -> Picture:
@@ -81,15 +81,15 @@ def save(sheet: Sheet, path: Path) -> None:
     """Write a sheet as a JPEG file of less than 100 KB."""
     width, height = sheet.size
     rows = -(-len(sheet.cells) // sheet.columns)
-    size = (sheet.columns * (width + GAP) - GAP, rows * (height + STRIP) + (rows - 1) * GAP)
-    page, font = Image.new("RGB", size, PAPER), ImageFont.load_default(15)
+    size = (sheet.columns * (width + GAP) - GAP, rows * (height + CAPTION) + (rows - 1) * GAP)
+    page, font = Image.new("RGB", size, BACKGROUND), ImageFont.load_default(15)
     pen = ImageDraw.Draw(page)
     for number, (caption, picture) in enumerate(sheet.cells):
-        left, top = number % sheet.columns * (width + GAP), number // sheet.columns * (height + STRIP + GAP)
+        left, top = number % sheet.columns * (width + GAP), number // sheet.columns * (height + CAPTION + GAP)
         page.paste(Image.fromarray(picture).resize(sheet.size, Image.Resampling.LANCZOS), (left, top))
-        pen.text((left + width / 2, top + height + 3), caption, fill=INK, font=font, anchor="ma")
+        pen.text((left + width / 2, top + height + 3), caption, fill=TEXT, font=font, anchor="ma")
     path.parent.mkdir(parents=True, exist_ok=True)
     for quality in range(90, 20, -3):
         page.save(path, quality=quality, optimize=True)
-        if path.stat().st_size < LARGEST:
+        if path.stat().st_size < MAX_BYTES:
             return

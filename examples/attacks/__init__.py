@@ -1,0 +1,1 @@
+"""Attacks on detectors through the renderer."""
