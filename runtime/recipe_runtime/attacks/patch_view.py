@@ -8,7 +8,8 @@ texture:
 M computes the mip levels. A is sparse: the weights of the texels that the renderer reads for the sample. gain is the
 light of sun, sky and lamps with shadow, coverage and fog; offset is the light that does not depend on the texture.
 Samples of wet ground that reflect a patch are included. The camera tone-maps samples, averages those of a pixel, and
-adds noise: see `camera_curve`.
+adds noise: see `camera_curve`. Motion blur, bloom, distortion, chromatic aberration and supersampling come before the
+noise: see `lens_light`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.errors import InputError
 
 from recipe_runtime.attacks import camera_curve
+from recipe_runtime.attacks.lens_light import LensLight
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.pixel_light import PixelLight
 from recipe_runtime.attacks.textures import check_size
@@ -63,8 +65,10 @@ class PatchView:
         self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
         self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
         self.mips = MipChain(width, height)
-        self._light = PixelLight(frame.recording, frame.curve, frame.streak)
-        self.curve, self.pixels = frame.curve, frame.recording.pixels
+        self._light: PixelLight | LensLight = PixelLight(frame.recording, frame.curve, frame.streak)
+        if frame.lens is not None:
+            self._light = LensLight(self._light, frame.lens, frame.device)
+        self.curve, self.pixels = frame.curve, frame.pixels
         self.picture = frame.render({})
 
     def linearise(self, texture: Texture) -> Linearised:
@@ -129,14 +133,8 @@ def patch_view(frame: PatchedFrame, patch: str, size: tuple[int, int] | None) ->
         size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
-        InputError: No size is given and the patch has no image, or the size is too large, or the camera has effects
-            through which there is no gradient.
+        InputError: No size is given and the patch has no image, or the size is too large.
     """
-    if frame.has_post_process:
-        raise InputError(
-            f"patch {patch}: the camera has motion blur, bloom, distortion, chromatic aberration or supersampling,"
-            " through which there is no gradient; remove them"
-        )
     own = frame.texture_size(patch)
     if size is None:
         if own is None:
