@@ -19,18 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.patches import PatchPlan
 
 from recipe_runtime.attacks import camera_curve
+from recipe_runtime.attacks.inserted_view import InsertedView
 from recipe_runtime.attacks.lens_light import LensLight
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.pixel_light import PixelLight
-from recipe_runtime.attacks.textures import check_size
+from recipe_runtime.attacks.retextured_frame import RetexturedFrame
+from recipe_runtime.attacks.textures import Texture, Values, as_values, check_size
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
-
-Values = NDArray[np.float64]
-Texture = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,33 +124,24 @@ class PatchView:
         return radiance
 
 
-def patch_view(frame: PatchedFrame, patch: str, size: tuple[int, int] | None) -> PatchView:
+def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> PatchView | InsertedView:
     """Return the view of a patch.
 
     Args:
         frame: The frame.
-        patch: Name of the patch.
+        patch: The patch.
         size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
         InputError: No size is given and the patch has no image, or the size is too large.
     """
-    own = frame.texture_size(patch)
+    name = patch.name
     if size is None:
+        own = frame.texture_size(patch)
         if own is None:
-            raise InputError(f"patch {patch}: its texture is a colour, which has no size; give the texture's size")
+            raise InputError(f"patch {name}: its texture is a colour, which has no size; give the texture's size")
         size = own[1], own[0]
-    check_size(patch, size[1], size[0])
-    return PatchView(frame, patch, size[1], size[0])
-
-
-def as_values(texture: Texture, shape: tuple[int, ...]) -> Values:
-    """Return a texture as float64, 0 to 1.
-
-    Raises:
-        ValueError: It does not have the shape.
-    """
-    if texture.shape != shape:
-        raise ValueError(f"the texture has the shape {texture.shape}, not {shape}")
-    values: Values = texture.astype(np.float64)
-    return values / 255.0 if texture.dtype == np.uint8 else values
+    check_size(name, size[1], size[0])
+    if patch.inserted:
+        return InsertedView(frame, name, size[1], size[0])
+    return PatchView(frame.scene, name, size[1], size[0])

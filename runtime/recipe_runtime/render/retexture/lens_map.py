@@ -113,7 +113,8 @@ def _samples(
     """Return light [S, 3] and vignette [S] of the samples of pixels, and their points [S, 1 or 3, 2]."""
     camera, response = frame.undistorted_camera, frame.response
     lens = lens_arguments(frame.seen.camera, camera, response)
-    count = len(pixels) * lens["distortion"].fine ** 2
+    fine = lens["distortion"].fine
+    count = len(pixels) * fine * fine
     channels = 3 if response.chromatic_aberration_intensity > 0.0 else 1
     out_light = wp.empty(count, dtype=wp.vec3f, device=device)
     out_gains = wp.empty(count, dtype=wp.float32, device=device)
