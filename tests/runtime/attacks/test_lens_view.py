@@ -142,3 +142,13 @@ def test_a_scenario_gives_views_through_its_cameras_lens(tmp_path: Path) -> None
     assert np.abs(view.rounded(FIRST).astype(int) - scene.render(1)).max() <= 1
     body = scene.patch_view(1, "paint", size=(8, 8))
     assert np.abs(body.backward(np.full((8, 8, 3), 0.5), np.ones(body.picture.shape))).max() > 0.0
+
+
+@pytest.mark.gpu
+def test_a_gpu_gives_the_same_gradient() -> None:
+    on_cpu, on_gpu = (Scene({file_of(OWN).sha256: OWN}, device=device) for device in ("cpu", "cuda:0"))
+    views = [view_of("all", "rainy", scene) for scene in (on_cpu, on_gpu)]
+    y = np.random.default_rng(2).normal(size=views[0].picture.shape)
+    gradients = [view.backward(OTHER, y) for view in views]
+    np.testing.assert_array_equal(gradients[0], gradients[1])
+    np.testing.assert_array_equal(views[0].forward(OTHER), views[1].forward(OTHER))
