@@ -47,6 +47,7 @@ def attack(
     *,
     steps: int,
     step: float = 4 / 255,
+    reach: float = 1.0,
     approach: bool = False,
 ) -> Texture:
     """Return a texture that makes a detector miss the targets in all frames of a view, or see them.
@@ -58,10 +59,11 @@ def attack(
         texture: To start from, [1, 3, h, w], 0 to 1.
         steps: Number of steps.
         step: By which each value changes in a step.
+        reach: By which it may change in all.
         approach: Whether the detector is to see the targets.
     """
     model = ThroughScene(view, detector, targets)
     estimator = PyTorchObjectDetector(model, clip_values=(0, 1), attack_losses=LOSSES, device_type="cpu")
-    settings = {"eps": 1.0, "eps_step": step, "max_iter": steps, "targeted": approach, "verbose": False}
+    settings = {"eps": reach, "eps_step": step, "max_iter": steps, "targeted": approach, "verbose": False}
     found: Texture = ProjectedGradientDescent(estimator, **settings).generate(texture, y=[targets[0]])
     return found
