@@ -1,4 +1,4 @@
-"""Measure the paper's studies, all or those that are named, and print a table of each; the sheets go to docs/paper/."""
+"""Run the paper's studies, all or the named ones, and print a table for each; picture sheets go to docs/paper/."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def main(names: list[str]) -> None:
     """Run studies by name; all without names."""
     unknown = set(names) - STUDIES.keys()
     if unknown:
-        sys.exit(f"there is no study {sorted(unknown)[0]!r}; there are {', '.join(STUDIES)}")
+        sys.exit(f"unknown study {sorted(unknown)[0]!r}; choose from {', '.join(STUDIES)}")
     for name in names or STUDIES:
         print(f"\n{name}\n\n{markdown(STUDIES[name]())}", flush=True)
 

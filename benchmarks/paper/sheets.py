@@ -1,4 +1,4 @@
-"""Small JPEG sheets of pictures with captions."""
+"""Contact sheets: JPEG files of small pictures with captions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-GAP, STRIP, LARGEST = 4, 20, 100_000  # pixels, pixels, bytes
+GAP, CAPTION, MAX_BYTES = 4, 20, 100_000  # pixels between columns, height of a caption in pixels, size of a file
 
 
 def colour_depth(metres: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -40,14 +40,14 @@ def save(cells: Sequence[tuple[str, NDArray[np.uint8]]], columns: int, path: Pat
     """
     width, height = size
     rows = -(-len(cells) // columns)
-    sheet = Image.new("RGB", (columns * (width + GAP) - GAP, rows * (height + STRIP) - 1), (24, 26, 31))
+    sheet = Image.new("RGB", (columns * (width + GAP) - GAP, rows * (height + CAPTION) - 1), (24, 26, 31))
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
     for number, (caption, picture) in enumerate(cells):
-        left, top = number % columns * (width + GAP), number // columns * (height + STRIP)
+        left, top = number % columns * (width + GAP), number // columns * (height + CAPTION)
         sheet.paste(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS), (left, top))
         pen.text((left + 2, top + height + 1), caption, fill=(196, 200, 207), font=font)
     path.parent.mkdir(parents=True, exist_ok=True)
     for quality in range(88, 20, -4):
         sheet.save(path, quality=quality, optimize=True)
-        if path.stat().st_size < LARGEST:
+        if path.stat().st_size < MAX_BYTES:
             return

@@ -1,4 +1,4 @@
-"""The studies: each renders a few frames of a recipe, draws a sheet, and returns a table of what it measured."""
+"""The studies: each renders some frames of a recipe, draws a contact sheet, and returns a table of measurements."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ ROOT = Path(__file__).parents[2]
 RECIPES, SHEETS = ROOT / "recipes" / "paper", ROOT / "docs" / "paper"
 Table = list[dict[str, str]]
 
-_WARMUP = 20  # frames that a background model sees first: two seconds
-_QUANTILE = 0.99  # of the pixels of clean pictures pass as natural
-_MARGIN = 0.02  # metres by which a point may lie outside its actor's box: the depth of a pixel's centre is rounded
+_WARMUP = 20  # frames that update a background model before pixels are counted: two seconds
+_QUANTILE = 0.99  # share of the pixels of clean pictures that are below a defence's thresholds
+_MARGIN = 0.02  # metres by which a point may lie outside its actor's box, because depth is rounded
 
 
 def opened(recipe: str, variant: str) -> Scenario:
-    """Open a variant of a recipe of this folder."""
+    """Open a variant of a recipe of `recipes/paper`."""
     return recipe_runtime.open(RECIPES / f"{recipe}.yaml", variant=variant)
 
 
@@ -37,7 +37,7 @@ def picture(scenario: Scenario, frame: int) -> Picture:
 
 
 def patch_mask(scenario: Scenario, frame: int, name: str) -> Mask:
-    """Return the pixels of a frame whose centres show a patch; none if the variant has no such patch."""
+    """Return the pixels of a frame whose centres show a patch; all False if the variant has no such patch."""
     camera = scenario.plan.rig.sensors[0].camera
     for record in scenario.patches(frame)["patches"]:
         if record["name"] == name and record["counts"] is not None:
@@ -47,7 +47,7 @@ def patch_mask(scenario: Scenario, frame: int, name: str) -> Mask:
 
 
 def labels_equal(one: Scenario, other: Scenario, frames: Sequence[int]) -> str:
-    """Return whether depth and instances of two variants are equal in the given frames."""
+    """Return "equal" if depth and instances of two variants are equal in the given frames, else "different"."""
     pairs = ((one.render(f, None, m), other.render(f, None, m)) for f in frames for m in ("depth", "instance"))
     return "equal" if all(np.array_equal(a, b) for a, b in pairs) else "different"
 
@@ -72,13 +72,13 @@ def weather_change() -> Table:
 def share_in_boxes(
     metres: NDArray[np.float32], instances: NDArray[np.uint16], labels: Sequence[LabelRecord], view: Calibration
 ) -> tuple[int, int]:
-    """Count the pixels of actors, and those of them whose depth puts them into the 3-D box of their actor.
+    """Count the pixels of actors whose depth places them inside their actor's 3-D box, and all pixels of actors.
 
     Args:
         metres: Depth along the optical axis, float32 [H, W].
         instances: Instance of each pixel, uint16 [H, W].
         labels: The records of the frame, with boxes in the sensor's frame.
-        view: Its calibration.
+        view: The calibration of the frame.
     """
     inverse, inside, total = np.linalg.inv(np.array(view["K"])), 0, 0
     for label in labels:
@@ -94,7 +94,7 @@ def share_in_boxes(
 
 
 def aligned() -> Table:
-    """Figure 3: RGB, depth and instances of a camera that turns and shakes, beside labels that are one frame late."""
+    """Figure 3: RGB, depth and instances of a camera that turns and shakes, compared with labels one frame late."""
     together, late = np.zeros(2, np.int64), np.zeros(2, np.int64)
     with opened("aligned", "weather=sunny") as clip:
         before = None
@@ -126,7 +126,7 @@ def aligned() -> Table:
 
 
 def insertion() -> Table:
-    """Figure 1: four ways to insert a patch, in the sun and in the shade; the rendered patch is the truth."""
+    """Figure 1: four insertion modes, in the sun and in the shade; the rendered patch is the reference."""
     frames, shown, cells, rows = (2, 4, 6), 4, [], []
     for light in ("sun", "shade"):
         with opened("insertion", f"light={light},insertion=rendered") as truth:
@@ -134,11 +134,11 @@ def insertion() -> Table:
                 with opened("insertion", f"light={light},insertion={mode}") as clip:
                     on, bias, off = [], [], 0
                     for frame in frames:
-                        apart = picture(clip, frame).astype(np.int64) - picture(truth, frame)
+                        difference = picture(clip, frame).astype(np.int64) - picture(truth, frame)
                         mask = patch_mask(truth, frame, "patch")
-                        on.append(np.abs(apart[mask]).mean())
-                        bias.append(apart[mask].mean())
-                        off += int(apart[~mask].any(axis=1).sum())
+                        on.append(np.abs(difference[mask]).mean())
+                        bias.append(difference[mask].mean())
+                        off += int(difference[~mask].any(axis=1).sum())
                     labels = labels_equal(truth, clip, frames)
                     cells.append((f"{mode}, {light}", _crop(picture(clip, shown), patch_mask(truth, shown, "patch"))))
                 row = {"light": light, "mode": mode, "mean error, levels": f"{np.mean(on):.1f}"}
@@ -149,7 +149,7 @@ def insertion() -> Table:
 
 
 def subtractors() -> dict[str, defences.Subtractor]:
-    """Return new background models by name: OpenCV's if it is installed, and a Gaussian per pixel."""
+    """Return new background models by name: OpenCV's, if it is installed, and a Gaussian per pixel."""
     return {**defences.opencv_subtractors(), "Gaussian": defences.RunningGaussian()}
 
 
@@ -225,7 +225,7 @@ def resolution() -> Table:
 
 
 def painted_car() -> Table:
-    """Figure 8: a car that is painted whole through its texture map."""
+    """Figure 8: a car whose entire body is painted through its texture map."""
     frame, cells, rows = 9, [], []
     for weather in ("clear", "rainy"):
         with opened("painted_car", f"weather={weather},paint=own") as own:

@@ -1,12 +1,14 @@
 """A patch in a frame as a function of its texture, with the exact gradient.
 
-Each pixel that shows the patch has one sample or, at edges, up to four. By sample, the light is linear in the texture:
+Each pixel that shows the patch has one sample or, at edges, up to four. The light of each sample is linear in the
+texture:
 
     radiance = gain * (A @ M @ linear(texture)) + offset
 
-M makes mip levels, and A is sparse: the texels that the renderer reads for the sample, with their weights. gain holds
-sun, sky, lamps, shadow, coverage and fog; offset what does not depend on the texture. Samples of wet ground that mirror
-a patch have rows too. The camera tone-maps samples, averages those of a pixel, and adds noise: see `camera_curve`.
+M computes the mip levels. A is sparse: the weights of the texels that the renderer reads for the sample. gain is the
+light of sun, sky and lamps with shadow, coverage and fog; offset is the light that does not depend on the texture.
+Samples of wet ground that reflect a patch are included. The camera tone-maps samples, averages those of a pixel, and
+adds noise: see `camera_curve`.
 """
 
 from __future__ import annotations
@@ -35,11 +37,11 @@ class Linearised:
 
     values: Values  # [Q, 3], 0 to 1
     _view: PatchView
-    _steps: tuple[Values, ...]
+    _derivatives: tuple[Values, ...]
 
     def backward(self, gradient: Values) -> Values:
         """Return the gradient [h, w, 3] of the texture of a gradient [Q, 3] of the values."""
-        return self._view.transposed(self._steps, gradient)
+        return self._view.transposed(self._derivatives, gradient)
 
 
 class PatchView:
@@ -48,11 +50,11 @@ class PatchView:
     Attributes:
         pixels: Index, row by row, of each of the Q pixels that change with the texture, int32 [Q].
         picture: The frame with the texture of the recipe, uint8 [H, W, 3].
-        gain: float64 [N, 3], by sample of these pixels.
-        offset: float64 [N, 3].
-        samples: The K of them that the patch covers, int32 [K]: the rows of A.
-        taps: A and its transpose, see `SparseProduct`.
-        mips: M and its transpose.
+        gain: Of each of the N samples of these pixels, float64 [N, 3].
+        offset: Of each sample, float64 [N, 3].
+        samples: Index of each of the K samples that the patch covers, int32 [K]: the rows of A.
+        taps: Products with A and its transpose, see `SparseProduct`.
+        mips: Products with M and its transpose.
     """
 
     def __init__(self, frame: PatchedFrame, patch: str, width: int, height: int) -> None:
@@ -67,11 +69,11 @@ class PatchView:
 
     def linearise(self, texture: Texture) -> Linearised:
         """Return the values of the pixels for a texture, uint8 or 0 to 1, [h, w, 3], and their derivative."""
-        light, rise = linear_light(as_values(texture, self.shape))
+        light, light_slope = linear_light(as_values(texture, self.shape))
         level, saved = self._light.forward(self._radiance(self.mips.forward(light)))
-        noisy, noise_rise = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
-        values, curve_rise = camera_curve.encoded(noisy, self.curve.encoded)
-        return Linearised(values, self, (rise, curve_rise * noise_rise, *saved))
+        noisy, noise_slope = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
+        values, curve_slope = camera_curve.encoded(noisy, self.curve.encoded)
+        return Linearised(values, self, (light_slope, curve_slope * noise_slope, *saved))
 
     def forward(self, texture: Texture) -> Values:
         """Return the picture for a texture, float64 [H, W, 3], 0 to 1; its pixels' values are not rounded."""
@@ -83,8 +85,8 @@ class PatchView:
         """Return the vector-Jacobian product of `forward`.
 
         Args:
-            texture: Where the derivative is taken, [h, w, 3].
-            gradient: Of the picture, [H, W, 3].
+            texture: The texture at which the derivative is taken, [h, w, 3].
+            gradient: Gradient with respect to the picture, [H, W, 3].
 
         Returns:
             The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
@@ -105,12 +107,12 @@ class PatchView:
         out.reshape(-1, 3)[self.pixels] = camera_curve.rounded(noisy, self.curve.rounded)
         return out
 
-    def transposed(self, steps: tuple[Values, ...], gradient: Values) -> Values:
-        """Return the gradient of the texture; `steps` are the derivatives that `linearise` saved."""
-        rise, curve_rise, *saved = steps
-        radiance = self._light.backward(tuple(saved), gradient * curve_rise)
+    def transposed(self, derivatives: tuple[Values, ...], gradient: Values) -> Values:
+        """Return the gradient of the texture; `derivatives` are those that `linearise` saved."""
+        light_slope, curve_slope, *saved = derivatives
+        radiance = self._light.backward(tuple(saved), gradient * curve_slope)
         texels = self.taps.backward(np.ascontiguousarray((radiance * self.gain)[self.samples]))
-        return self.mips.backward(texels) * rise
+        return self.mips.backward(texels) * light_slope
 
     def _radiance(self, texels: Values) -> Values:
         radiance = self.offset.copy()
@@ -119,10 +121,16 @@ class PatchView:
 
 
 def patch_view(frame: PatchedFrame, patch: str, size: tuple[int, int] | None) -> PatchView:
-    """Return the view of a patch, for textures of a size (height, width) or of the recipe's image.
+    """Return the view of a patch.
+
+    Args:
+        frame: The frame.
+        patch: Name of the patch.
+        size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
-        InputError: No size is given and the patch has no image, or the size is too large.
+        InputError: No size is given and the patch has no image, or the size is too large, or the camera has effects
+            through which there is no gradient.
     """
     if frame.has_post_process:
         raise InputError(
@@ -139,7 +147,11 @@ def patch_view(frame: PatchedFrame, patch: str, size: tuple[int, int] | None) ->
 
 
 def as_values(texture: Texture, shape: tuple[int, ...]) -> Values:
-    """Return a texture as float64, 0 to 1; ValueError unless it has the shape."""
+    """Return a texture as float64, 0 to 1.
+
+    Raises:
+        ValueError: It does not have the shape.
+    """
     if texture.shape != shape:
         raise ValueError(f"the texture has the shape {texture.shape}, not {shape}")
     values: Values = texture.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Textures that callers give: checked, and converted to what the renderer takes."""
+"""Checks of textures that callers pass, and their conversion to the renderer's form."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from recipe_compiler.ir.patches import PatchPlan
 
 
 def rendered_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
-    """Return the patch of a name.
+    """Return the patch with a name, whose mode must be `rendered`.
 
     Raises:
-        InputError: There is none, it shows the placeholder, or a texture is inserted into the finished picture.
+        InputError: No patch has this name, its mode is not `rendered`, or another patch's texture is inserted into the
+            finished picture.
     """
     found = next((patch for patch in patches if patch.name == name), None)
     if found is None:
@@ -40,7 +41,7 @@ def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, Any]) -> di
     """Return textures by the name of their patch, uint8 [h, w, 3] sRGB; see `as_array` for what is accepted.
 
     Raises:
-        InputError: A patch does not exist or shows the placeholder, or a texture is not an image.
+        InputError: A patch does not exist or its mode is not `rendered`, or a texture is not an image.
     """
     return {rendered_patch(patches, name).name: as_image(name, texture) for name, texture in textures.items()}
 
@@ -62,7 +63,8 @@ def as_array(name: str, texture: Any) -> NDArray[Any]:
         texture: An array [h, w, 3], or a tensor [3, h, w] or [1, 3, h, w]; uint8, or floats from 0 to 1.
 
     Raises:
-        InputError: It is something else, or larger than an image of a recipe may be.
+        InputError: It is of another shape or type, has values that are not finite, or is larger than an image of a
+            recipe may be.
     """
     if hasattr(texture, "detach"):  # a tensor, channels first
         texture = texture.detach().cpu().numpy()

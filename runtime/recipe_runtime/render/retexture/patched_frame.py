@@ -1,4 +1,4 @@
-"""A frame that is rendered again with other textures on its patches: its patched samples alone are shaded again."""
+"""A frame that can be rendered again with other textures on its patches: only its patched samples are shaded again."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]
-_ROUNDING = 2e-5  # by which the coverage of a pixel within a patch may miss 1
+_ROUNDING = 2e-5  # relative rounding error of a gain; a smaller gain is 0
 
 
 @dataclass(frozen=True, eq=False)
 class CameraCurve:
-    """How the camera turns a pixel's light into a level, by pixel of the Q that change."""
+    """The camera's response for each of the Q pixels that change."""
 
     gain: NDArray[np.float32]  # [Q] of exposure and vignette
-    white: NDArray[np.float32]  # [3]
-    noise: float
-    deviates: NDArray[np.float32]  # [Q, 3]
+    white: NDArray[np.float32]  # [3] white balance
+    noise: float  # strength, as in the recipe
+    deviates: NDArray[np.float32]  # [Q, 3] standard normal
     encoded: NDArray[np.float64]  # [LEVELS] the picture's value, 0 to 1, of each linear level, before rounding
-    rounded: Pixels  # [LEVELS]
+    rounded: Pixels  # [LEVELS] the 8-bit value of each linear level
 
 
 @dataclass(frozen=True, eq=False)
 class PatchRows:
-    """A patch in a frame: by slot, radiance = gain * texture + offset, where texture is the linear colour of a sample.
+    """How the radiance of each slot depends on a patch: radiance = gain * texture + offset.
 
-    Slots without the patch have a gain of 0.
+    `texture` is the linear colour of the patch at the slot's sample. Slots without the patch have a gain of 0.
     """
 
     samples: NDArray[np.int32]  # [S] slots that the patch covers
@@ -62,7 +62,13 @@ class PatchRows:
 
 
 class PatchedFrame:
-    """A frame and its patched samples. It does not refer to the renderer's caches, so other frames may follow."""
+    """A frame and its patched samples; independent of the renderer's caches, so the renderer may go on to other frames.
+
+    Attributes:
+        recording: The patched samples.
+        has_post_process: Whether the camera has effects that mix pixels, such as bloom or motion blur.
+        plans: The plans of all patches of the appearance.
+    """
 
     def __init__(
         self,
@@ -76,7 +82,19 @@ class PatchedFrame:
         neighbour: NeighbourFrame | None,
         device: str,
     ) -> None:
-        """Render the frame; arguments are those of `Renderer.shade`."""
+        """Render the frame.
+
+        Args:
+            camera: The camera pass of the scene.
+            images: Loads an image of the plan.
+            obs: The observation of the frame.
+            appearance: The appearance.
+            sensor: Name of the sensor, the key of its noise.
+            frame: Number of the frame.
+            time: Seconds from frame 0.
+            neighbour: The frame that motion blur needs; None without motion blur.
+            device: The Warp device.
+        """
         self.device, self._images, self._pass = device, images, camera
         taken = camera.expose(obs, appearance, sensor, frame, time)
         self.camera, self._neighbour = obs.camera, neighbour
@@ -85,7 +103,7 @@ class PatchedFrame:
         self.plans = appearance.patches
         self._textures = {p.name: texture_of(p, frame) for p in appearance.patches}
         self._patches = copy_struct(struct_of(inputs.patches))
-        self._ladders: dict[str, list[NDArray[np.uint32]]] = {}
+        self._mip_chains: dict[str, list[NDArray[np.uint32]]] = {}
         self.has_post_process = needs_post_process(obs.camera, taken.response, neighbour)
         if self.has_post_process:
             self._hdr = camera.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
@@ -131,7 +149,7 @@ class PatchedFrame:
             )
 
     def rows(self, patch: str) -> PatchRows:
-        """Return how the light of the slots depends on a patch's texture; other patches show their own."""
+        """Return how the radiance of the slots depends on a patch's texture; other patches keep their textures."""
         number = self._number(patch)
         album = self._album({})
         light = []
@@ -143,13 +161,20 @@ class PatchedFrame:
         of_patch = rec.patches == number
         samples = rec.slots[np.repeat(np.arange(len(rec.slots)), np.diff(rec.firsts))[of_patch]]
         gain = light[1] - light[0]
-        gain[np.abs(gain) < _ROUNDING * light[1]] = 0.0  # below a patch that hides it
+        gain[np.abs(gain) < _ROUNDING * light[1]] = 0.0  # another patch covers it
         return PatchRows(samples, gain, light[0])
 
     def taps(self, patch: str, width: int, height: int) -> RowMatrix:
-        """Return the texels that each of a patch's samples reads, in a texture of a size with all its mip levels.
+        """Return the weights of the texels that each of a patch's samples reads.
 
-        Rows are `PatchRows.samples`; columns are texels, row by row, from the texture itself to its last level.
+        Args:
+            patch: Name of the patch.
+            width: Of its texture, texels.
+            height: Of its texture, texels.
+
+        Returns:
+            A matrix [K, texels]. Rows are `PatchRows.samples`; columns are the texels of all mip levels, finest first,
+            row by row.
         """
         of_patch = np.flatnonzero(self.recording.patches == self._number(patch))
         levels = mip_levels(np.zeros((height, width, 3), np.uint8))
@@ -179,7 +204,7 @@ class PatchedFrame:
 
     @cached_property
     def curve(self) -> CameraCurve:
-        """The camera's settings for the pixels that change."""
+        """The camera's response for the pixels that change."""
         rec, r, device = self.recording, self._record, self.device
         deviates = wp.empty(max(len(rec.pixels), 1), dtype=wp.vec3f, device=device)
         tables = self._pass.tables.by_pixel(self._response, self.camera)
@@ -209,24 +234,25 @@ class PatchedFrame:
         return np.array([streak[0], streak[1], streak[2]], np.float32)
 
     def texture_size(self, patch: str) -> tuple[int, int] | None:
-        """Return width and height of a patch's own image; None for a colour."""
+        """Return width and height of the image that the recipe gives a patch; None for a colour."""
         self._number(patch)
-        ladder = self._ladder(patch)
-        return None if ladder is None else (ladder[0].shape[1], ladder[0].shape[0])
+        levels = self._mip_chain(patch)
+        return None if levels is None else (levels[0].shape[1], levels[0].shape[0])
 
     def _number(self, patch: str) -> int:
         return [plan.name for plan in self.plans].index(patch)
 
-    def _ladder(self, patch: str) -> list[NDArray[np.uint32]] | None:
+    def _mip_chain(self, patch: str) -> list[NDArray[np.uint32]] | None:
+        """Return the mip levels of the image that the recipe gives a patch; None for a colour."""
         texture = self._textures[patch]
         if texture is None:
             return None
-        if patch not in self._ladders:
-            self._ladders[patch] = mip_levels(self._images(texture))
-        return self._ladders[patch]
+        if patch not in self._mip_chains:
+            self._mip_chains[patch] = mip_levels(self._images(texture))
+        return self._mip_chains[patch]
 
     def _relit(self, patches: DeviceArray, album: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-        """Return the radiance of the slots, without and with what wet ground mirrors."""
+        """Return the radiance of the slots, without and with reflections in wet ground."""
         rec, device = self.recording, self.device
         radiance: DeviceArray = wp.array(rec.radiance, dtype=wp.vec3f, device=device)
         shown: DeviceArray = wp.array(rec.shown, dtype=wp.vec3f, device=device)
@@ -250,14 +276,14 @@ class PatchedFrame:
 
     def _album(self, textures: Mapping[str, Pixels]) -> DeviceArray:
         """Return an atlas of the images that patches show, in the order of the patches."""
-        ladders = [
-            mip_levels(textures[p.name]) if p.name in textures else self._ladder(p.name) or [] for p in self.plans
+        chains = [
+            mip_levels(textures[p.name]) if p.name in textures else self._mip_chain(p.name) or [] for p in self.plans
         ]
-        ladders = [ladder for ladder in ladders if ladder]
-        return image_atlas(ladders, [False] * len(ladders), [], self.device)
+        chains = [chain for chain in chains if chain]
+        return image_atlas(chains, [False] * len(chains), [], self.device)
 
     def _images_with(self, textures: Mapping[str, Pixels]) -> NDArray[np.int32]:
-        """Return the number of each patch's image in `_album`, -1 for a colour."""
+        """Return the index of each patch's image in `_album`, -1 for a colour."""
         has = np.array([p.name in textures or self._textures[p.name] is not None for p in self.plans], np.bool_)
         return np.where(has, np.cumsum(has) - 1, -1).astype(np.int32)
 
