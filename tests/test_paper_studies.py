@@ -7,7 +7,7 @@ import pytest
 from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.records import LabelRecord
 
-from benchmarks.paper.__main__ import markdown
+from benchmarks.pages import markdown
 from benchmarks.paper.defences import Mask, Picture, RunningGaussian, flagged, removal, thresholds
 from benchmarks.paper.studies import share_in_boxes
 

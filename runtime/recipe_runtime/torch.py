@@ -30,8 +30,9 @@ from recipe_compiler.ir.plan import DatasetPlan
 from torch.utils.data import Dataset
 
 from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.attacks.inserted_view import InsertedView
 from recipe_runtime.attacks.patch_view import PatchView
-from recipe_runtime.attacks.textures import as_array, as_image, rendered_patch
+from recipe_runtime.attacks.textures import as_array, as_image, differentiable_patch
 from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
 
@@ -138,6 +139,7 @@ def _target(records: Sequence[LabelRecord]) -> dict[str, torch.Tensor]:
 
 
 Place = tuple[str, int]  # variant, frame
+View = PatchView | InsertedView
 
 
 class SceneView(torch.nn.Module):
@@ -150,9 +152,9 @@ class SceneView(torch.nn.Module):
 
     Args:
         recipe: Path of a recipe, its plan, or one of its variants.
-        patch: Name of a patch of mode `rendered`.
+        patch: Name of a patch of mode `rendered` or `digital`.
         frames: Pairs of variant and frame number; a plain number is a frame of the first variant. By default, all
-            frames of all variants.
+            frames of all variants that the sensor takes.
         sensor: Name of a sensor; the first by default.
         quantise: Round textures and pictures to 8 bits, so that pictures are the frames' bytes divided by 255. The
             gradient is that of the unrounded pictures (a straight-through estimator).
@@ -183,8 +185,8 @@ class SceneView(torch.nn.Module):
         if unknown:
             raise InputError(f"there is no variant {unknown[0]!r}; the variants are {', '.join(self._scenarios)}")
         for variant in dict.fromkeys(variant for variant, _ in self.frames):
-            rendered_patch(self._scenarios[variant].plan.appearance.patches, patch)
-        self._views: dict[tuple[Place, tuple[int, int]], PatchView] = {}
+            differentiable_patch(self._scenarios[variant].plan.appearance.patches, patch)
+        self._views: dict[tuple[Place, tuple[int, int]], View] = {}
         self._targets: dict[Place, dict[str, torch.Tensor]] = {}
 
     def forward(
@@ -226,7 +228,7 @@ class SceneView(torch.nn.Module):
         size = len(self.frames) if batch is None else batch
         return [self.frames[(step * size + k) % len(self.frames)] for k in range(size)]
 
-    def _view(self, place: Place, size: tuple[int, int]) -> PatchView:
+    def _view(self, place: Place, size: tuple[int, int]) -> View:
         if (place, size) not in self._views:
             scenario = self._scenarios[place[0]]
             self._views[place, size] = scenario.patch_view(place[1], self.patch, self.sensor, size=size)
@@ -242,7 +244,7 @@ class _Pictures(torch.autograd.Function):
     """Pictures of a texture in several views; gradients are summed in the order of the views."""
 
     @staticmethod
-    def forward(ctx: Any, texture: torch.Tensor, views: list[PatchView], quantise: bool) -> torch.Tensor:
+    def forward(ctx: Any, texture: torch.Tensor, views: list[View], quantise: bool) -> torch.Tensor:
         values = as_array(views[0].patch, texture).astype(np.float64)
         ctx.views, ctx.values, ctx.texture = views, values, texture
         if quantise:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.patches import PatchPlan
-from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, SensorPlan, TexturePlan
+from recipe_compiler.ir.plan import AppearancePlan, SensorPlan, TexturePlan
 
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, sensor_transform
@@ -31,6 +32,26 @@ class FrameRenderer(Protocol):
         """Return 1 + the index of the patch that each pixel shows, uint8 [H, W]; 0 for none."""
 
 
+@dataclass(frozen=True, eq=False)
+class InsertedPixels:
+    """The pixels into which the texture of a patch is inserted, N of them, and where in the texture they lie."""
+
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    x: Array  # of a pinhole camera's picture, pixels
+    y: Array
+    homography: Array  # [3, 3] from (x, y, 1) to the texture, 0 to 1 each, times a factor
+
+    def reduced_size(self, width: int, height: int) -> tuple[int, int]:
+        """Return the width and height to which a texture of a size is reduced."""
+        return texture_size((width, height), self.homography, self.x, self.y)
+
+    def places(self) -> tuple[Array, Array]:
+        """Return u and v of the pixels, 0 to 1 each from the texture's top left."""
+        u, v, _ = projection.apply_homography(self.homography, self.x, self.y)
+        return u, v
+
+
 class Inserter:
     """Inserts textures into the pictures of one scene.
 
@@ -44,7 +65,12 @@ class Inserter:
         self._images: OrderedDict[str, Image] = OrderedDict()
 
     def picture(
-        self, renderer: FrameRenderer, appearance: AppearancePlan, sensor: SensorPlan, frame: int
+        self,
+        renderer: FrameRenderer,
+        appearance: AppearancePlan,
+        sensor: SensorPlan,
+        frame: int,
+        textures: Mapping[str, Image] | None = None,
     ) -> NDArray[np.uint8]:
         """Return the picture of a frame with inserted textures, uint8 [H, W, 3] sRGB.
 
@@ -53,24 +79,52 @@ class Inserter:
             appearance: The appearance.
             sensor: The sensor.
             frame: Number of the frame.
+            textures: Images to insert in place of the recipe's, uint8 [h, w, 3] sRGB, by the name of the patch.
         """
         picture = renderer.picture(appearance)
         if not any(patch.inserted for patch in appearance.patches):
             return picture
         before, picture = picture.copy(), picture.copy()
-        shown = renderer.patch_map(appearance)
-        view = projection.view_from_world(sensor_transform(sensor, self._trace, frame))
+        shown, others = renderer.patch_map(appearance), textures or {}
         for number, patch in enumerate(appearance.patches):
-            rows, columns = np.nonzero(shown == number + 1)
-            if not patch.inserted or not len(rows):
+            pixels = self.pixels(shown, appearance, number, sensor, frame) if patch.inserted else None
+            if pixels is None:
                 continue
-            view_from_part = projection.view_from_part(patch, self._trace, frame, view)
-            to_texture = projection.inverse(projection.homography(patch.faces[0], sensor.camera, view_from_part))
             chart = _chart(renderer, appearance, number) if uses_chart(patch.transfer) else None
-            texture = self._texture(patch, frame)
-            values = _values(patch, texture, chart, to_texture, sensor.camera, columns, rows, before[rows, columns])
+            texture = others[patch.name] if patch.name in others else self._texture(patch, frame)
+            rows, columns = pixels.rows, pixels.columns
+            values = _values(patch, texture, chart, pixels, before[rows, columns])
             picture[rows, columns] = np.floor(np.clip(values, 0.0, 255.0) + 0.5).astype(np.uint8)
         return picture
+
+    def pixels(
+        self, patch_map: NDArray[np.uint8], appearance: AppearancePlan, number: int, sensor: SensorPlan, frame: int
+    ) -> InsertedPixels | None:
+        """Return the pixels into which a patch is inserted; None if it is not seen.
+
+        Args:
+            patch_map: 1 + the number of the patch that each pixel shows, uint8 [H, W].
+            appearance: The appearance.
+            number: The number of the patch, from 0.
+            sensor: The sensor.
+            frame: Number of the frame.
+        """
+        rows, columns = np.nonzero(patch_map == number + 1)
+        if not len(rows):
+            return None
+        patch, camera = appearance.patches[number], sensor.camera
+        view = projection.view_from_world(sensor_transform(sensor, self._trace, frame))
+        there = projection.view_from_part(patch, self._trace, frame, view)
+        back = projection.inverse(projection.homography(patch.faces[0], camera, there))
+        x, y = projection.undistorted(camera, columns.astype(np.float64) + 0.5, rows.astype(np.float64) + 0.5)
+        return InsertedPixels(rows, columns, x, y, back)
+
+    def texture_size(self, patch: PatchPlan, frame: int) -> tuple[int, int] | None:
+        """Return width and height of a patch's own image; None for a colour."""
+        if patch.texture.at(frame) is None:
+            return None
+        texture = self._texture(patch, frame)
+        return texture.shape[1], texture.shape[0]
 
     def _texture(self, patch: PatchPlan, frame: int) -> Image:
         """Return the texture of a patch in a frame; a single texel for a colour."""
@@ -97,10 +151,7 @@ def _values(
     patch: PatchPlan,
     texture: Image,
     chart: ChartPixels | None,
-    to_texture: Array,
-    camera: CameraPlan,
-    columns: NDArray[np.int64],
-    rows: NDArray[np.int64],
+    pixels: InsertedPixels,
     placeholder: NDArray[np.uint8],
 ) -> Array:
     """Return the inserted values of pixels, float64 [N, 3], before clipping and rounding.
@@ -109,15 +160,11 @@ def _values(
         patch: The patch.
         texture: Its texture.
         chart: The histograms of a chart in its place, if its transform needs them.
-        to_texture: The homography [3, 3] from undistorted pixels to the texture.
-        camera: The camera.
-        columns: The pixels' columns, [N].
-        rows: Their rows, [N].
+        pixels: The pixels.
         placeholder: Their values before insertion, uint8 [N, 3].
     """
-    x, y = projection.undistorted(camera, columns.astype(np.float64) + 0.5, rows.astype(np.float64) + 0.5)
-    image = reduced(texture, *texture_size(texture, to_texture, x, y))
-    u, v, _ = projection.apply_homography(to_texture, x, y)
+    image = reduced(texture, *pixels.reduced_size(texture.shape[1], texture.shape[0]))
+    u, v = pixels.places()
     if patch.transfer is None:
         return sampled(image, u, v)
     change = transfer(patch.transfer, chart)

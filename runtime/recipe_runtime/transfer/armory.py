@@ -8,9 +8,10 @@
     carla_video_tracking/dev/VIDEO/: 000001.png, 000001_mask.png, ..., gt_boxes.npy, gs_coords.npy
     left_out.csv: frames and videos that a loader or an attack cannot use, with the reason
 
-The patch is the first of each variant. Boxes are x1, y1, x2, y2 in carla_obj_det and x, y, width, height elsewhere, and
-arrays have the types that the loaders expect. File names have no dots; those of patches that are not on the ground
-start with 1, from which a loader derives the bound of depth perturbation.
+The patch is the one that the export names, else the first of each variant: the loaders take one per sample. Boxes are
+x1, y1, x2, y2 in carla_obj_det and x, y, width, height elsewhere, and arrays have the types that the loaders expect.
+File names have no dots; those of patches that are not on the ground start with 1, from which a loader derives the
+bound of depth perturbation.
 """
 
 from __future__ import annotations
@@ -59,15 +60,24 @@ class _Frame:
         return self.labels["frame"]
 
 
-def check_patches(dataset: Dataset) -> None:
+def check_patches(dataset: Dataset, name: str | None = None) -> None:
     """Check that a dataset has pictures with a patch.
 
+    Args:
+        dataset: The dataset.
+        name: The patch; None for any.
+
     Raises:
-        InputError: No variant has both a patch and RGB pictures.
+        InputError: No variant has both a patch of that name and RGB pictures.
     """
-    for variant in dataset.plan.variants:
-        if variant.appearance.patches and any("rgb" in sensor.capture for sensor in variant.rig.sensors):
-            return
+    with_pictures = [v for v in dataset.plan.variants if any("rgb" in sensor.capture for sensor in v.rig.sensors)]
+    names = list(dict.fromkeys(patch.name for variant in with_pictures for patch in variant.appearance.patches))
+    if name in names or (name is None and names):
+        return
+    if names:
+        raise InputError(
+            f"{dataset.name} has no picture with a patch {name!r}; it has {', '.join(names)}", code=Code.UNKNOWN_NAME
+        )
     raise InputError(
         f"{dataset.name} has no picture with a patch",
         help="add `patches` and `capture: [rgb, depth]` to the recipe, and build it again",
@@ -113,9 +123,8 @@ def annotation_files(sequences: list[ExportSequence]) -> Iterator[Entry]:
 
 
 def _patch(sequence: ExportSequence) -> PatchPlan | None:
-    """The first patch of a sequence; None if it has no patch or no RGB pictures."""
-    patches = sequence.variant.appearance.patches
-    return patches[0] if patches and "rgb" in sequence.sensor.capture else None
+    """The patch that the export is about; None if the variant lacks it, or has no RGB pictures."""
+    return sequence.patch_plan if "rgb" in sequence.sensor.capture else None
 
 
 def _frames(sequence: ExportSequence, patch: PatchPlan) -> list[_Frame]:

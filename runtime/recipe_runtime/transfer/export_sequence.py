@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.plan import ScenarioPlan, SensorPlan
 
 from recipe_runtime.annotate.records import LabelledFrame
@@ -23,12 +24,19 @@ Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
 
 @dataclass(frozen=True)
 class ExportSequence:
-    """One sensor of one variant; `number` counts the sequences of the dataset from 0."""
+    """One sensor of one variant, and the patch to export, if any; `number` counts the dataset's sequences from 0."""
 
     dataset: Dataset
     variant: ScenarioPlan
     sensor: SensorPlan
     number: int
+    patch_name: str | None = None  # None: the variant's first patch
+
+    @property
+    def patch_plan(self) -> PatchPlan | None:
+        """The patch that the export is about; None if the variant does not have it."""
+        patches = self.variant.appearance.patches
+        return next((patch for patch in patches if self.patch_name in (None, patch.name)), None)
 
     @property
     def frames(self) -> range:

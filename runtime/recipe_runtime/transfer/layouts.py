@@ -4,7 +4,7 @@
     kitti: training/label_02/0000.txt, calib/0000.txt, poses/0000.txt, image_02/0000/000000.png,
            evaluate_tracking.seqmap.training; mots/label_02/0000.txt, evaluate_mots.seqmap.training; sequences.csv
     armory: see `transfer.armory`
-    index.json: the dataset's identity, the layout, and size and SHA-256 of every file
+    index.json: the dataset's identity, the layout, the patch if one was chosen, and size and SHA-256 of every file
 
 Equal datasets give equal exports. Labels and pictures are compared with the manifest while they are read, so damaged
 files are never exported.
@@ -40,7 +40,11 @@ _MAX_INDEX = 256 << 20  # bytes
 _REMEDY = "free some space or choose another folder, then export again"
 
 
-class LayoutIndex(TypedDict):
+class _Choice(TypedDict, total=False):
+    patch: str  # for armory, if the export was asked for one
+
+
+class LayoutIndex(_Choice):
     """`index.json`: the dataset's identity, the layout, and size and SHA-256 of every file."""
 
     format: str
@@ -50,7 +54,7 @@ class LayoutIndex(TypedDict):
 
 
 def export_layout(
-    dataset: Dataset, out: Path, form: Layout, progress: Progress, *, replace: bool = False
+    dataset: Dataset, out: Path, form: Layout, progress: Progress, *, patch: str | None = None, replace: bool = False
 ) -> LayoutIndex:
     """Export all frames of a dataset, and return the index of the files.
 
@@ -59,23 +63,25 @@ def export_layout(
         out: the folder to create; it appears when the export is complete.
         form: the layout.
         progress: called to report progress.
+        patch: for armory, the name of the patch to export; the first of each variant if None.
         replace: whether an existing export may be replaced.
 
     Raises:
-        InputError: `out` exists and is not an export, or a file of the dataset is damaged.
+        InputError: `out` exists and is not an export, a file of the dataset is damaged, or it lacks the patch.
         RunError: the files cannot be written, or another export writes to `out`.
     """
     check_outside_datasets(out)
     known = _read_index(out)
-    if known is not None and (known["dataset"], known["layout"]) == (dataset.lock.identity, form) and _is_complete(out):
+    made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
+    if known is not None and _made_from(known) == made_from and _is_complete(out):
         return known
     _check_replaceable(out, known, replace=replace)
     sequences = [
-        ExportSequence(dataset, variant, sensor, number)
+        ExportSequence(dataset, variant, sensor, number, patch)
         for number, (variant, sensor) in enumerate((v, s) for v in dataset.plan.variants for s in v.rig.sensors)
     ]
     if form == "armory":
-        armory.check_patches(dataset)
+        armory.check_patches(dataset, patch)
     entries = _LAYOUTS[form]
     with host_errors(str(out), _REMEDY), work_folder(out, lambda _: True) as work:
         files: dict[str, list[int | str]] = {}
@@ -84,12 +90,7 @@ def export_layout(
             files.update(_write(work, path, content) for path, content in entries(sequence))
         files.update(_write(work, path, content) for path, content in _LISTS[form](sequences))
         progress("export", len(sequences), len(sequences))
-        index: LayoutIndex = {
-            "format": _FORMAT,
-            "dataset": dataset.lock.identity,
-            "layout": form,
-            "files": dict(sorted(files.items())),
-        }
+        index = cast("LayoutIndex", {"format": _FORMAT, **made_from, "files": dict(sorted(files.items()))})
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
         (work / MARKER).unlink()
         if known is not None:
@@ -192,8 +193,15 @@ def _read_index(out: Path) -> LayoutIndex | None:
     return cast("LayoutIndex", index) if _is_index(index) else None
 
 
+def _made_from(index: LayoutIndex) -> dict[str, object]:
+    """Return what an export was made from: dataset, layout and patch."""
+    return {key: value for key, value in index.items() if key not in ("format", "files")}
+
+
 def _is_index(index: object) -> bool:
-    if not isinstance(index, dict) or index.keys() != LayoutIndex.__annotations__.keys() or index["format"] != _FORMAT:
+    if not isinstance(index, dict) or index.get("format") != _FORMAT:
+        return False
+    if not LayoutIndex.__required_keys__ <= index.keys() <= LayoutIndex.__annotations__.keys():
         return False
     files = index["files"]
     return isinstance(files, dict) and all(
