@@ -212,18 +212,18 @@ def on_a_terminal(program: str, columns: int) -> str:
 @pytest.mark.parametrize("command", ["verify", "build", "plan", "diff"])
 @pytest.mark.parametrize("suffix", [".yaml", ".lock", ".recipe", ""])
 def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, suffix: str) -> None:
-    """A line break or an escape code in a name is shown as what it is, whoever made the message."""
+    """Line breaks and escape codes in names are printed escaped, in all messages."""
     name = f"two\nlines\x1b[31m{suffix}"
     if suffix:
         (tmp_path / name).write_bytes(b"\x00")
     else:
         (tmp_path / name).mkdir()
     arguments = [command, name] + ([name] if command == "diff" else [])
-    told = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "recipe_cli", *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=60
     )
-    assert told.returncode == 2, told.stderr
-    assert "\x1b" not in told.stderr + told.stdout
-    first, *rest = told.stderr.splitlines()
-    assert first.startswith("error[") and r"two\nlines\x1b[31m" in told.stderr
-    assert all(re.match(r"help: |note: | *--> | *\d* \|", line) for line in rest), told.stderr
+    assert completed.returncode == 2, completed.stderr
+    assert "\x1b" not in completed.stderr + completed.stdout
+    first, *rest = completed.stderr.splitlines()
+    assert first.startswith("error[") and r"two\nlines\x1b[31m" in completed.stderr
+    assert all(re.match(r"help: |note: | *--> | *\d* \|", line) for line in rest), completed.stderr

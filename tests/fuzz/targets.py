@@ -1,4 +1,4 @@
-"""Every loader that a stranger's bytes reach, as a function of bytes, with files to begin from.
+"""Every loader of untrusted bytes, as a function of bytes, with seed files.
 
 A target returns, or raises the project's own error for such a file; anything else that comes out is a finding.
 """

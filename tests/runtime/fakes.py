@@ -220,7 +220,7 @@ def _noted(scene: ScenePlan, device: str) -> Renderer:
 
 
 def _noted_simulation(scene: ScenePlan) -> Trace:
-    """Not done before a worker has loaded the scene; if none does, the note tells."""
+    """Not done before a worker has loaded the scene; if none does, the note records it."""
     note("simulation begins")
     for _ in range(400):
         if "renderer" in Path(os.environ["NOTES"]).read_text().split("\n"):

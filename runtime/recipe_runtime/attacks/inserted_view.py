@@ -1,7 +1,7 @@
-"""A patch of mode `digital` as a function of its texture: a warp of the texture into the finished picture.
+"""A patch of mode `digital` as a function of its texture, which is warped into the finished picture.
 
-The values of the pixels that show the patch are linear in the texture's sRGB values: W R texture, where R reduces the
-texture to about the size at which the picture shows it, and W interpolates it bilinearly.
+The values of the pixels that show the patch are linear in the texture's sRGB values: W R texture, where R downsamples
+the texture to about the size at which the picture shows it, and W interpolates it bilinearly.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class InsertedView:
         """Return the vector-Jacobian product of `forward`.
 
         Args:
-            texture: Where the derivative is taken, [h, w, 3]; it is 0 for values beyond 0 and 1.
-            gradient: Of the picture, [H, W, 3].
+            texture: The texture at which the derivative is taken, [h, w, 3]; it is 0 for values outside 0 to 1.
+            gradient: Gradient with respect to the picture, [H, W, 3].
 
         Returns:
             The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
@@ -88,7 +88,7 @@ def _means(width: int, height: int, wide: int, high: int) -> RowMatrix:
 
 
 def _overlaps(length: int, size: int) -> tuple[NDArray[np.int64], Values]:
-    """Return which of `length` texels each of `size` new ones covers, and the share of each, [size, most]."""
+    """Return the texels, of `length`, that each of `size` new texels overlaps, and the share of each, [size, max]."""
     starts = np.arange(size, dtype=np.int64)[:, None] * length  # in units of 1 / size of a texel
     places = starts // size + np.arange(-(-length // size) + 1, dtype=np.int64)
     common = np.minimum(places * size + size, starts + length) - np.maximum(places * size, starts)

@@ -173,7 +173,7 @@ class _FrameTask:
             self._put(files, [paths[form] for paths in copies], bodies[form])
 
     def _write_patches(self, files: dict[str, FileRow], frame: int, seen: Observed) -> None:
-        """Write the truth of the patches, one file for the variants that share an appearance."""
+        """Write the ground truth of the patches, one file for the variants that share an appearance."""
         sensor = self.view.sensor
         sharing: dict[str, list[int]] = {}
         for index in self.variants:

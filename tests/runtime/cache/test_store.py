@@ -133,7 +133,7 @@ def test_another_scenes_trace_is_not_taken_for_a_scenes_own(tmp_path: Path) -> N
 def test_a_trace_has_the_frames_actors_and_parts_of_its_scene(
     tmp_path: Path, forged: Callable[[ScenePlan], Trace]
 ) -> None:
-    """Also where the seal is right, as whoever can write to the cache can make it."""
+    """This applies even if the seal is valid, because anyone who can write to the cache can compute it."""
     scene, store = scene_plan(), Store(tmp_path)
     store.keep_trace(scene, forged(scene))
     assert not store.has_trace(scene)

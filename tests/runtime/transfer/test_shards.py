@@ -55,11 +55,11 @@ def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
     for sample, (variant, sensor, frame) in zip(samples, wanted, strict=True):
         place = f"{layout.folder(variant.variant)}/{sensor.name}"
         assert sample["__key__"] == f"{place}/{frame:06d}"
-        told = sample["json"]
-        assert (told["variant"], told["sensor"], told["frame"]) == (variant.variant, sensor.name, frame)
+        reported = sample["json"]
+        assert (reported["variant"], reported["sensor"], reported["frame"]) == (variant.variant, sensor.name, frame)
         lines = (built.root / layout.labels_file(variant.variant, sensor.name)).read_text().splitlines()
         labels = json.loads(lines[frame])
-        assert {key: told[key] for key in labels} == labels
+        assert {key: reported[key] for key in labels} == labels
         with Image.open(built.root / place / "rgb" / f"{frame:06d}.png") as picture:
             np.testing.assert_array_equal(sample["rgb.png"], np.asarray(picture))
 
