@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from recipe_compiler.compile import compile_recipe
 
 from benchmarks import insertion
 from benchmarks.pages import markdown, table_of, write_table
@@ -49,8 +51,24 @@ def test_a_page_has_figure_recipe_sheet_and_table(name: str) -> None:
 
 def test_the_table_of_insertions_is_by_weather_and_hour() -> None:
     table = table_of(insertion.PAGE, insertion.COMMAND).splitlines()
-    assert table[0].startswith("| weather | hour | placeholder | digital |")
+    assert table[0].startswith("| weather | hour | `green` | `digital` |")
     assert len(table) == 2 + len(insertion.WEATHERS) * len(insertion.HOURS)
+
+
+def test_every_weather_and_hour_has_all_methods() -> None:
+    """The methods differ in the patch alone; the hours in the sun, and in nothing that labels depend on."""
+    plan = compile_recipe(insertion.RECIPE).plan
+    assert len(plan.variants) == 4 * len(insertion.WEATHERS) * len(insertion.HOURS)
+    appearances = set()
+    for weather, hour in itertools.product(insertion.WEATHERS, insertion.HOURS):
+        variants = insertion.variants_of(plan, weather, hour)
+        assert list(variants) == list(insertion.TITLES)
+        assert len({variant.appearance.digest for variant in variants.values()}) == len(insertion.TITLES)
+        assert {(v.scene.digest, v.rig.digest) for v in variants.values()} == {
+            (plan.variants[0].scene.digest, plan.variants[0].rig.digest)
+        }
+        appearances.add(variants["rendered"].appearance.digest)
+    assert len(appearances) == len(insertion.WEATHERS) * len(insertion.HOURS)
 
 
 def test_a_table_replaces_the_one_before_and_nothing_else(page: Path) -> None:
