@@ -1,4 +1,4 @@
-"""`recipe export`: a dataset in another form, to train from."""
+"""`recipe export`: writes a dataset in another format."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def command(
     replace: bool,
     as_json: bool,
 ) -> None:
-    """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
+    """Export the frames of DATASET, a folder that `recipe build` wrote, to OUT.
 
-    webdataset: tar files in which the pictures and the records of a frame are adjacent. mots and kitti: the pictures
-    and labels in the layout of MOTSChallenge, or of KITTI's tracking and MOTS benchmarks. armory: frames and the truth
-    of one patch in the layouts of Armory's CARLA datasets.
+    webdataset: tar files in which the pictures and the records of a frame are adjacent. mots and kitti: pictures and
+    labels in the layout of MOTSChallenge, or of KITTI's tracking and MOTS benchmarks. armory: frames and the ground
+    truth of one patch in the layouts of Armory's CARLA datasets.
     """
     if (out is None) == (output is None):
         raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")

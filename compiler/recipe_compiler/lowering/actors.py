@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.ir.ground.ways import BODY
+from recipe_compiler.ir.ground.path_planner import BODY
 from recipe_compiler.ir.plan import ActorPlan, Point, Pose
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream

@@ -8,7 +8,8 @@ texture:
 M computes the mip levels. A is sparse: the weights of the texels that the renderer reads for the sample. gain is the
 light of sun, sky and lamps with shadow, coverage and fog; offset is the light that does not depend on the texture.
 Samples of wet ground that reflect a patch are included. The camera tone-maps samples, averages those of a pixel, and
-adds noise: see `camera_curve`.
+adds noise: see `camera_curve`. Motion blur, bloom, distortion, chromatic aberration and supersampling come before the
+noise: see `lens_light`.
 """
 
 from __future__ import annotations
@@ -18,17 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.patches import PatchPlan
 
 from recipe_runtime.attacks import camera_curve
+from recipe_runtime.attacks.inserted_view import InsertedView
+from recipe_runtime.attacks.lens_light import LensLight
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.pixel_light import PixelLight
-from recipe_runtime.attacks.textures import check_size
+from recipe_runtime.attacks.retextured_frame import RetexturedFrame
+from recipe_runtime.attacks.textures import Texture, Values, as_values, check_size
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
-
-Values = NDArray[np.float64]
-Texture = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +65,10 @@ class PatchView:
         self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
         self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
         self.mips = MipChain(width, height)
-        self._light = PixelLight(frame.recording, frame.curve, frame.streak)
-        self.curve, self.pixels = frame.curve, frame.recording.pixels
+        self._light: PixelLight | LensLight = PixelLight(frame.recording, frame.curve, frame.streak)
+        if frame.lens is not None:
+            self._light = LensLight(self._light, frame.lens, frame.device)
+        self.curve, self.pixels = frame.curve, frame.pixels
         self.picture = frame.render({})
 
     def linearise(self, texture: Texture) -> Linearised:
@@ -120,39 +124,24 @@ class PatchView:
         return radiance
 
 
-def patch_view(frame: PatchedFrame, patch: str, size: tuple[int, int] | None) -> PatchView:
+def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> PatchView | InsertedView:
     """Return the view of a patch.
 
     Args:
         frame: The frame.
-        patch: Name of the patch.
+        patch: The patch.
         size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
-        InputError: No size is given and the patch has no image, or the size is too large, or the camera has effects
-            through which there is no gradient.
+        InputError: No size is given and the patch has no image, or the size is too large.
     """
-    if frame.has_post_process:
-        raise InputError(
-            f"patch {patch}: the camera has motion blur, bloom, distortion, chromatic aberration or supersampling,"
-            " through which there is no gradient; remove them"
-        )
-    own = frame.texture_size(patch)
+    name = patch.name
     if size is None:
+        own = frame.texture_size(patch)
         if own is None:
-            raise InputError(f"patch {patch}: its texture is a colour, which has no size; give the texture's size")
+            raise InputError(f"patch {name}: its texture is a colour, which has no size; give the texture's size")
         size = own[1], own[0]
-    check_size(patch, size[1], size[0])
-    return PatchView(frame, patch, size[1], size[0])
-
-
-def as_values(texture: Texture, shape: tuple[int, ...]) -> Values:
-    """Return a texture as float64, 0 to 1.
-
-    Raises:
-        ValueError: It does not have the shape.
-    """
-    if texture.shape != shape:
-        raise ValueError(f"the texture has the shape {texture.shape}, not {shape}")
-    values: Values = texture.astype(np.float64)
-    return values / 255.0 if texture.dtype == np.uint8 else values
+    check_size(name, size[1], size[0])
+    if patch.inserted:
+        return InsertedView(frame, name, size[1], size[0])
+    return PatchView(frame.scene, name, size[1], size[0])

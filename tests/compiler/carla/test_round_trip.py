@@ -165,5 +165,5 @@ def _shift(text: str) -> tuple[float, float]:
     head = " ".join(line.lstrip("# ") for line in text.splitlines() if line.startswith("#"))
     if "everything is moved by" not in head:
         return 0.0, 0.0
-    x, y = head.partition("moved by x ")[2].partition(", so")[0].split(", y ")
+    x, y = head.partition("moved by x ")[2].partition(", which")[0].split(", y ")
     return float(x), float(y)

@@ -128,13 +128,13 @@ def test_the_placeholder_is_green(tmp_path: Path, mode: str) -> None:
         ({"on": {"actor": "hero3"}, "texture": RED}, ['"hero3" is not an actor', 'did you mean "hero']),
         ({"on": {"prop": "sofa"}, "texture": RED}, ['"sofa" is not a prop']),
         ({"on": {**WALL, "size": {"width": 12, "height": 1}}, "texture": RED},
-         ["12 x 1 m does not fit the front of wall.0", "largest at x = 0.5, z = 1.2 is"]),
+         ["12 x 1 m does not fit the front of wall.0", "at x = 0.5, z = 1.2"]),
         ({"on": {**WALL, "at": {"z": 9}}, "texture": RED}, ["z = 9 m is not on the front of wall.0", "z from 0.25 to"]),
         ({"on": {"town": "wall.0"}, "texture": RED}, ["needs a size", "at most"]),
-        ({"on": {"actor": "hero1", "size": SIZE}, "texture": RED}, ["shirt is covered whole", "name another surface"]),
+        ({"on": {"actor": "hero1", "size": SIZE}, "texture": RED}, ["shirt is a texture map", "name another surface"]),
         (
             {"on": {"actor": "hero1"}, "mode": "digital", "texture": RED},
-            ["poster.mode: digital needs a rectangle; shirt is covered whole", "mode: rendered"],
+            ["poster.mode: digital needs a rectangle; shirt is a texture map", "mode: rendered"],
         ),
         (
             {"on": WALL, "texture": RED, "color_transfer": {"method": "reinhard"}},

@@ -125,7 +125,7 @@ def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: P
     assert met and not list(tmp_path.glob(".out*"))
     (tmp_path / ".other.export").mkdir()
     (tmp_path / ".other.export" / "thesis.tex").write_text("precious")
-    with pytest.raises(InputError, match="is in the way and is not an export's work"):
+    with pytest.raises(InputError, match="is not the work folder of an export"):
         exported(built, tmp_path / "other")
 
 
@@ -137,7 +137,7 @@ def test_a_folder_that_no_export_made_is_not_cleared(built: Dataset, tmp_path: P
     (folder / "backup.tar").write_text("precious")
     if work == "link":
         (tmp_path / ".out.export").symlink_to(folder)
-    with pytest.raises(InputError, match="is in the way and is not an export's work"):
+    with pytest.raises(InputError, match="is not the work folder of an export"):
         exported(built, tmp_path / "out")
     assert (folder / "backup.tar").read_text() == "precious"
 
@@ -181,7 +181,7 @@ def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_pa
     if forgery == "link":
         shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
     elif forgery == "folder":
-        with pytest.raises(InputError, match="holds files that are not of an export"):
+        with pytest.raises(InputError, match="has files that do not belong to an export"):
             shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
         assert (first / "thesis.tex").read_text() == "precious"
     assert precious.read_text() == "precious"

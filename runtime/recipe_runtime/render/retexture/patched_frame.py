@@ -21,6 +21,7 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.patches.patch_arrays import texture_of
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.raster.observation import Observation
+from recipe_runtime.render.retexture.lens_map import LensFrame, LensMap, lens_map
 from recipe_runtime.render.retexture.record_kernels import count_taps, record_taps
 from recipe_runtime.render.retexture.recording import record
 from recipe_runtime.render.retexture.relight_kernels import (
@@ -41,7 +42,7 @@ _ROUNDING = 2e-5  # relative rounding error of a gain; a smaller gain is 0
 class CameraCurve:
     """The camera's response for each of the Q pixels that change."""
 
-    gain: NDArray[np.float32]  # [Q] of exposure and vignette
+    gain: NDArray[np.float32]  # of exposure and vignette, by pixel of the recording
     white: NDArray[np.float32]  # [3] white balance
     noise: float  # strength, as in the recipe
     deviates: NDArray[np.float32]  # [Q, 3] standard normal
@@ -97,20 +98,20 @@ class PatchedFrame:
         """
         self.device, self._images, self._pass = device, images, camera
         taken = camera.expose(obs, appearance, sensor, frame, time)
-        self.camera, self._neighbour = obs.camera, neighbour
+        self.camera = obs.camera
         inputs = camera.shading.inputs(taken.undistorted, appearance, taken.light, frame)
         self.recording = record(taken.undistorted, taken, inputs, device)
         self.plans = appearance.patches
         self._textures = {p.name: texture_of(p, frame) for p in appearance.patches}
         self._patches = copy_struct(struct_of(inputs.patches))
         self._mip_chains: dict[str, list[NDArray[np.uint32]]] = {}
-        self.has_post_process = needs_post_process(obs.camera, taken.response, neighbour)
-        if self.has_post_process:
+        self._response, self._record = taken.response, taken.record
+        self._lens_frame: LensFrame | None = None
+        if needs_post_process(obs.camera, taken.response, neighbour):
+            self._lens_frame = LensFrame(taken.undistorted, obs, taken.response, taken.record, neighbour)
             self._hdr = camera.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
         else:
             self._picture = camera.developed(taken, obs.camera)
-        self._seen = (taken.undistorted, obs) if self.has_post_process else None
-        self._response, self._record = taken.response, taken.record
 
     def render(self, textures: Mapping[str, Pixels]) -> Pixels:
         """Return the picture with other textures, uint8 [H, W, 3] sRGB.
@@ -120,12 +121,15 @@ class PatchedFrame:
         """
         shown = self._relit(self._patches_with(textures), self._album(textures))[1]
         rec = self.recording
-        if self._seen is not None:
+        frame = self._lens_frame
+        if frame is not None:
             light = wp.clone(self._hdr)
             if len(rec.pixels):
                 listed = {"listed": rec.listed, "shown": shown, "response": self._record, "out_hdr_image": light}
                 launch(expose_listed, len(rec.pixels), self.device, **listed)
-            out = self._pass.post.finish(light, *self._seen, self._response, self._record, self._neighbour)
+            out = self._pass.post.finish(
+                light, frame.undistorted, frame.seen, frame.response, frame.record, frame.neighbour
+            )
         else:
             out = self._picture
             self._develop(shown, out)
@@ -203,26 +207,40 @@ class PatchedFrame:
         return row_matrix(firsts, out_texels.numpy(), weights.numpy(), texels)
 
     @cached_property
+    def lens(self) -> LensMap | None:
+        """How motion blur and lens make the picture from the HDR image; None for a camera without these effects."""
+        if self._lens_frame is None:
+            return None
+        return lens_map(self._pass.post, self._lens_frame, self._hdr, self.recording.pixels, self.device)
+
+    @property
+    def pixels(self) -> NDArray[np.int32]:
+        """Index, row by row, of each pixel of the picture that changes with a texture."""
+        return self.recording.pixels if self.lens is None else self.lens.pixels
+
+    @cached_property
     def curve(self) -> CameraCurve:
         """The camera's response for the pixels that change."""
-        rec, r, device = self.recording, self._record, self.device
-        deviates = wp.empty(max(len(rec.pixels), 1), dtype=wp.vec3f, device=device)
+        r, device, pixels = self._record, self.device, self.pixels
+        deviates = wp.empty(max(len(pixels), 1), dtype=wp.vec3f, device=device)
         tables = self._pass.tables.by_pixel(self._response, self.camera)
         launch(
             pixel_deviates,
-            len(rec.pixels),
+            len(pixels),
             device,
-            pixels=struct_of(rec.listed).pixels,
+            pixels=wp.array(pixels, dtype=wp.int32, device=device),
             key=r.key,
             deviates=tables.deviates,
             out_deviates=deviates,
         )
-        gain = tables.gains.numpy()[rec.pixels] * np.float32(r.exposure)
+        # A lens applies the vignette to its samples, not to the light of the HDR image.
+        changed = self.recording.pixels
+        vignette = tables.gains.numpy()[changed] if self.lens is None else np.ones(len(changed), np.float32)
         return CameraCurve(
-            gain=gain,
+            gain=vignette * np.float32(r.exposure),
             white=np.array(exposure.white(self._response), np.float32),
             noise=float(r.noise),
-            deviates=deviates.numpy()[: len(rec.pixels)],
+            deviates=deviates.numpy()[: len(pixels)],
             encoded=exposure.encoded(int(LEVELS), self._response.gamma),
             rounded=tables.tone.numpy(),
         )

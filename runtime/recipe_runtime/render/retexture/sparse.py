@@ -90,7 +90,8 @@ class SparseProduct:
 
 
 def _uploaded(matrix: RowMatrix, device: str) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
-    firsts: DeviceArray = wp.array(matrix.firsts, dtype=wp.int32, device=device)
-    columns: DeviceArray = wp.array(matrix.columns, dtype=wp.int32, device=device)
-    weights: DeviceArray = wp.array(matrix.weights, dtype=wp.float64, device=device)
+    copy = device != "cpu"  # on a CPU the arrays share the matrix's memory
+    firsts: DeviceArray = wp.array(matrix.firsts, dtype=wp.int32, device=device, copy=copy)
+    columns: DeviceArray = wp.array(matrix.columns, dtype=wp.int32, device=device, copy=copy)
+    weights: DeviceArray = wp.array(matrix.weights, dtype=wp.float64, device=device, copy=copy)
     return firsts, columns, weights

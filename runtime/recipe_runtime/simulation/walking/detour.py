@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.ground.ways import Planner, TooManyObstaclesError
+from recipe_compiler.ir.ground.path_planner import Planner, TooManyObstaclesError
 
 from recipe_runtime.simulation.agent import Agent
 from recipe_runtime.simulation.walking.surroundings import Surroundings
@@ -56,7 +56,7 @@ class Detour:
             if planner.inside(*goal, body=own.radius):
                 continue
             try:
-                way = planner.way(here, goal)
+                way = planner.shortest_path(here, goal)
             except TooManyObstaclesError:
                 break
             if way is not None:
