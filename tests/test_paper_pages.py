@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from recipe_compiler.compile import compile_recipe
 from benchmarks import insertion
 from benchmarks.pages import markdown, table_of, write_table
 from benchmarks.paper import __main__ as paper
+from benchmarks.paper.defences import opencv_subtractors
 from benchmarks.paper.sheets import MAX_BYTES, Sheet, around, marked, outlined
 from benchmarks.paper.studies import STUDIES, Measured
 from tests.sources import ROOT
@@ -97,6 +99,16 @@ def test_what_was_measured_is_written_and_then_found_unchanged(
     said = capsys.readouterr().err
     assert "small.md: the table differs" in said and "small.jpg: the sheet differs" in said
     assert "2.6" in page.read_text() and page.with_suffix(".jpg").read_bytes() == written[1], "--check writes nothing"
+
+
+def test_a_study_without_its_library_writes_no_table(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without OpenCV, the table of the background ablation would lose its rows."""
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    monkeypatch.setattr(paper, "STUDIES", {"small": lambda: [opencv_subtractors(), measured()][1]})
+    before = page.read_text()
+    with pytest.raises(SystemExit, match="small: OpenCV is not installed; `make paper` installs it"):
+        paper.main(["small"], page.parent)
+    assert page.read_text() == before
 
 
 def test_marks_and_outlines_are_where_the_masks_are() -> None:
