@@ -92,7 +92,7 @@ def _union(counts: Sequence[str], width: int, height: int) -> str:
 def runs_fill(counts: str, pixels: int) -> bool:
     """Return whether a run-length code in COCO's text form describes a mask of exactly `pixels` pixels.
 
-    pycocotools does not check this. A character stands for six bits, starting at code 48: five bits of the number, the
+    pycocotools does not check this. A character encodes six bits, starting at code 48: five bits of the number, the
     lowest first, and a continuation bit. Each run after the third is stored as its difference from the run two before
     it (maskApi.c, rleToString).
     """

@@ -18,7 +18,7 @@ from recipe_runtime.body.kinematics import Quaternion, Vector
 from recipe_runtime.body.skeleton import is_person
 from recipe_runtime.simulation.bullet import World, orientation
 
-STANDSTILL = 8.0  # seconds for which an agent stands after a hard collision
+STANDSTILL = 8.0  # seconds for which an agent stops after a hard collision
 
 
 def move_towards(value: float, target: float, max_change: float) -> float:

@@ -1,4 +1,4 @@
-"""Poses of CARLA, by its own rotation matrix, mirrored in y, are the poses of the import."""
+"""CARLA's poses, by its own rotation matrix and mirrored in y, equal the imported poses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MIRROR = np.diag([1.0, -1.0, 1.0])
 
 
 def carla_rotation(pose: Pose) -> NDArray[np.float64]:
-    """The rotation of `carla.Transform.get_matrix`, of the numbers as CARLA has them."""
+    """Return the rotation of `carla.Transform.get_matrix`, with CARLA's left-handed numbers."""
     cy, sy = math.cos(math.radians(pose.yaw)), math.sin(math.radians(pose.yaw))
     cp, sp = math.cos(math.radians(pose.pitch)), math.sin(math.radians(pose.pitch))
     cr, sr = math.cos(math.radians(pose.roll)), math.sin(math.radians(pose.roll))

@@ -1,4 +1,4 @@
-"""Whatever stands in a configuration, its import ends in a recipe with a complete report, or in problems."""
+"""Any configuration is imported to a recipe with a complete report, or ends with problems."""
 
 from __future__ import annotations
 

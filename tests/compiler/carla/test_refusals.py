@@ -1,4 +1,4 @@
-"""Broken and hostile configurations are refused with file, line, value and remedy; nothing in them is executed."""
+"""Invalid and hostile configurations are errors with file, line, value and remedy; nothing in them is executed."""
 
 from __future__ import annotations
 

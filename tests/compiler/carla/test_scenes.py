@@ -1,4 +1,4 @@
-"""What entries of a configuration become: carriers, rigs, blueprints, names, places, traffic and weathers."""
+"""Conversion of entries: parents, sensors, blueprints, names, positions, traffic and weathers."""
 
 from __future__ import annotations
 

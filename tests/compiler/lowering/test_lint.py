@@ -1,4 +1,4 @@
-"""Warnings of what is allowed and hardly meant; what is common is not warned of."""
+"""Warnings of values that are valid but probably mistakes; common values cause none."""
 
 from __future__ import annotations
 

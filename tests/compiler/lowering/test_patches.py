@@ -1,4 +1,4 @@
-"""Patches in recipes: what of them is scene and what is appearance, where they lie, and what is refused."""
+"""Patches in recipes: which parts are scene and which appearance, their positions, and errors."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def refused(folder: Path, patch: dict[str, Any], **base: Any) -> str:
 
 
 def test_a_patch_changes_the_appearance_alone(tmp_path: Path) -> None:
-    """Mode, texture, place, gloss: no body moves, and no camera sees another shape."""
+    """Mode, texture, position and gloss of a patch change neither scene nor rig."""
     changes: dict[str, Any] = {
         "green": {"mode": "green"},
         "digital": {"mode": "digital"},
@@ -58,7 +58,7 @@ def test_a_patch_changes_the_appearance_alone(tmp_path: Path) -> None:
 
 
 def test_without_patches_no_plan_changes() -> None:
-    """An absent part is not part of the document, so datasets and digests of earlier recipes stay as they are."""
+    """An absent part is omitted from the document, so digests of earlier recipes do not change."""
     plan = only(small())
     assert "patches" not in plan.appearance.document() and "patches" not in plan.document()["appearance"]  # type: ignore[operator]
     again = AppearancePlan.model_validate(plan.appearance.document())
@@ -84,7 +84,7 @@ def test_a_board_is_part_of_the_scene_and_its_texture_is_not(tmp_path: Path) -> 
 
 
 def test_a_patch_lies_around_its_point(tmp_path: Path) -> None:
-    """x goes to the right from the surface's middle, seen from its front, and z up from the foot of the body."""
+    """Seen from the front, x is to the right of the surface's middle, and z is up from the foot of the body."""
     patch = patch_of(tmp_path, {"on": WALL, "texture": RED})
     compiled_plan = compiled(tmp_path, {"poster": {"on": WALL, "texture": RED}}).plan.variants[0]
     wall = next(e for e in compiled_plan.scene.town.elements if e.name == "wall.0")

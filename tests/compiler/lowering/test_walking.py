@@ -1,4 +1,4 @@
-"""Walking routes: round obstacles, straight where that is free, and no start or goal inside something solid."""
+"""Walking routes: around obstacles, straight where free, and no start or goal inside an obstacle."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ print(torch.get_num_threads(), *(sha256(t.detach().numpy().tobytes()).hexdigest(
 
 
 def test_pictures_and_gradients_have_equal_bytes_with_any_number_of_threads(recipe: Path) -> None:
-    """In two processes, one with a thread and one with two."""
+    """Compared in two processes, one with one thread and one with two."""
     lines = []
     for threads in ("1", "2"):
         environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
@@ -113,7 +113,7 @@ def test_torchs_check_of_gradients(recipe: Path) -> None:
 
 
 def test_descent_reaches_a_goal(view: Any) -> None:
-    """A texture that makes the picture that another texture makes, by steps along the gradient."""
+    """Gradient descent recovers a texture that produces the same picture as another texture."""
     goal = view.pictures(texture_of(SECOND), batch=1).detach()
     texture = torch.full((1, 3, 7, 9), 0.5, requires_grad=True)
     optimiser, losses = torch.optim.Adam([texture], lr=0.05), []

@@ -1,4 +1,4 @@
-"""Textures in `Scenario.render` and `Scenario.patch_view`: a build's bytes, and errors with a remedy."""
+"""Textures in `Scenario.render` and `Scenario.patch_view`: bytes equal to a build's, and errors with a remedy."""
 
 from __future__ import annotations
 

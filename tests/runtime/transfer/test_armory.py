@@ -1,4 +1,4 @@
-"""Exports for Armory and MART, read back by readers that follow the descriptions of their loaders, key by key."""
+"""Exports for Armory and MART, read back by readers that follow the documentation of their loaders, key by key."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def image(path: Path) -> NDArray[np.uint8]:
 
 
 def detection_examples(dev: Path, kind: str) -> list[dict[str, Any]]:
-    """What Armory's loaders of object detection make of a folder; `kind` is obj_det or over_obj_det."""
+    """Read a folder like Armory's loaders for object detection; `kind` is obj_det or over_obj_det."""
     street = kind == "obj_det"
     out = dev / "_out" if street else dev
     name = "kwcoco_annotations_without_patch_and_sans_tiny_objects.json" if street else "kwcoco_annotations.json"

@@ -1,4 +1,4 @@
-"""WebDataset shards hold a dataset's own files, read by that library itself, and equal datasets give equal shards."""
+"""WebDataset shards contain a dataset's own files, the library reads them, and equal datasets give equal shards."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:
 
 
 def test_a_name_that_leads_away_is_refused(built: Dataset, tmp_path: Path) -> None:
-    """The recipe's name is part of the shards' names, and a stranger's manifest says it."""
+    """The recipe's name, which is part of the shards' names, comes from an untrusted manifest."""
     copy, victim = tmp_path / "a" / "b" / "copy", tmp_path / "thesis-000000.tar"
     shutil.copytree(built.root, copy)
     victim.write_bytes(b"precious")

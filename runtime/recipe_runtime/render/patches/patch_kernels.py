@@ -82,7 +82,7 @@ def into_part(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3
 
 @wp.func
 def covered_share(t: wp.float32, width: wp.float32) -> wp.float32:
-    """The share of an interval of that width about t that lies within 0 to 1."""
+    """Return the share of an interval of a given width around t that is within 0 to 1."""
     w = maximum(width, 1.0e-6)
     return clamp01((minimum(t + 0.5 * w, 1.0) - maximum(t - 0.5 * w, 0.0)) / w)
 

@@ -38,7 +38,7 @@ class SurfaceKey:
 
 @dataclass(frozen=True)
 class MountedLight:
-    """A light and the part that carries it: 0 is the world, 1 + p the Trace's part p."""
+    """A light and the part that it is mounted on: 0 is the world, 1 + p part p of the Trace."""
 
     part: int
     light: Light
@@ -103,7 +103,7 @@ class Geometry:
 
     @cached_property
     def light_parts(self) -> NDArray[np.int64]:
-        """The part that carries each light, [L]; 0 is the world."""
+        """The part that each light is mounted on, [L]; 0 is the world."""
         return np.array([mounted.part for mounted in self.lights], np.int64)
 
 
