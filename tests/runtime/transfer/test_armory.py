@@ -245,7 +245,7 @@ def test_the_export_is_of_the_patch_that_is_named(dataset: Dataset, export: Path
     assert "all,weather=clear,street,all,no patch or no rgb" in (tmp_path / "banner/left_out.csv").read_text()
     export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="poster")
     assert without_index(tmp_path / "poster") == without_index(export), "the first patch is the default"
-    with pytest.raises(InputError, match="is another export"):
+    with pytest.raises(InputError, match="is a different export"):
         export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="banner")
 
 
