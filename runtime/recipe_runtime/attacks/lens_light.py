@@ -25,6 +25,11 @@ class LensLight:
         self._bloom = [SparseProduct(matrix, device) for matrix in lens.bloom]
         self._lens = [SparseProduct(matrix, device) for matrix in lens.lens]
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the sparse matrices take."""
+        return sum(product.memory for product in (*self._blur, *self._bloom, *self._lens))
+
     def forward(self, radiance: Values) -> tuple[Values, tuple[Values, ...]]:
         """Return the level of each pixel, [Q, 3] of [N, 3], and what `backward` needs."""
         level, saved = self._light.forward(radiance)
