@@ -68,7 +68,6 @@ class PatchedFrame:
 
     Attributes:
         recording: The patched samples.
-        has_post_process: Whether the camera has effects that mix pixels, such as bloom or motion blur.
         plans: The plans of all patches of the appearance.
     """
 
