@@ -207,7 +207,7 @@ def test_a_forged_index_is_not_parsed_into_much_memory(
             file.truncate(size)
         tracemalloc.start()
         try:
-            with pytest.raises(InputError, match="holds files that are not of an export"):
+            with pytest.raises(InputError, match="has files that do not belong to an export"):
                 export(dataset=built, out=tmp_path, progress=lambda *_: None, replace=True)
             assert tracemalloc.get_traced_memory()[1] < 40 << 20
         finally:
@@ -229,7 +229,7 @@ def test_a_marker_that_is_a_link_is_not_followed(built: Dataset, tmp_path: Path)
     os.utime(tmp_path / "mine", (1, 1))
     (tmp_path / ".out.export").mkdir()
     (tmp_path / ".out.export" / MARKER).symlink_to(tmp_path / "mine")
-    with pytest.raises(InputError, match="is in the way and is not an export's work"):
+    with pytest.raises(InputError, match="is not the work folder of an export"):
         exported(built, tmp_path / "out")
     assert (tmp_path / "mine").stat().st_mtime == 1
 
