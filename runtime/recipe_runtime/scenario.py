@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 SCENE_CACHE_SIZE = 2  # renderers in memory, each with the triangles of a town
 MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU
-PATCHED_FRAME_CACHE_SIZE = 8  # a few MB each
+PATCHED_FRAME_CACHE_SIZE, PATCHED_FRAME_CACHE_BYTES = 8, 1 << 30  # at most, of frames beside the newest
 OBSERVATION_CACHE_SIZE = 2  # so that modalities and weathers of one frame share its observation
 
 
@@ -105,13 +105,16 @@ class Scenes:
         self._adopt_process()
         key = plan.scene.digest, plan.appearance.digest, digest("sensor/1", sensor.document()), str(frame)
         if key not in self._patched:
-            while len(self._patched) >= PATCHED_FRAME_CACHE_SIZE:
+            while len(self._patched) >= PATCHED_FRAME_CACHE_SIZE or self._patched_bytes() > PATCHED_FRAME_CACHE_BYTES:
                 self._patched.popitem(last=False)
             seen = self.observe(plan.scene, sensor, frame)
             source = self.source(plan.scene)
             self._patched[key] = RetexturedFrame(source, seen, plan.appearance, sensor, frame)
         self._patched.move_to_end(key)
         return self._patched[key]
+
+    def _patched_bytes(self) -> int:
+        return sum(frame.memory for frame in self._patched.values())
 
     def _adopt_process(self) -> None:
         """Discard state of a parent process, and take a lease on the cache."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from pydantic import BaseModel, model_serializer
 from recipe_cli.commands import build, check, export, init, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
@@ -227,3 +228,20 @@ def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, su
     first, *rest = completed.stderr.splitlines()
     assert first.startswith("error[") and r"two\nlines\x1b[31m" in completed.stderr
     assert all(re.match(r"help: |note: | *--> | *\d* \|", line) for line in rest), completed.stderr
+
+
+@pytest.mark.parametrize(("stop", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143)], ids=repr)
+def test_a_signal_within_a_serializer_is_no_fault_of_the_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: BaseException, code: int
+) -> None:
+    """Pydantic replaces the exception of the signal by one of its own."""
+
+    class Stopped(BaseModel):
+        @model_serializer
+        def stopped(self) -> None:
+            raise stop
+
+    monkeypatch.setattr(init.command, "callback", lambda **_: Stopped().model_dump())
+    done = run_here("init", "small", cwd=tmp_path)
+    assert done.returncode == code and "Traceback" not in done.stderr
+    assert ("interrupted" in done.stderr) == (code == 130)

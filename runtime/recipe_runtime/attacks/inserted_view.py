@@ -34,10 +34,15 @@ class InsertedView:
             self.pixels = found.rows * self.picture.shape[1] + found.columns
             self.products = [SparseProduct(matrix, frame.scene.device) for matrix in _matrices(found, width, height)]
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the view takes, with its frame."""
+        return self._frame.memory + sum(product.memory for product in self.products) + self.picture.nbytes
+
     def forward(self, texture: Texture) -> Values:
         """Return the picture for a texture, uint8 or 0 to 1, float64 [H, W, 3], 0 to 1, not rounded in the patch."""
         out = self.picture / 255.0
-        values = np.clip(as_values(texture, self.shape), 0.0, 1.0).reshape(-1, 3)
+        values = np.clip(as_values(self.patch, texture, self.shape), 0.0, 1.0).reshape(-1, 3)
         if self.products:
             reduction, warp = self.products
             out.reshape(-1, 3)[self.pixels] = warp.forward(reduction.forward(values))
@@ -57,7 +62,7 @@ class InsertedView:
             return np.zeros(self.shape)
         reduction, warp = self.products
         back = reduction.backward(warp.backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64)))
-        values = as_values(texture, self.shape)
+        values = as_values(self.patch, texture, self.shape)
         return np.where((values < 0.0) | (values > 1.0), 0.0, back.reshape(self.shape))
 
     def render(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:

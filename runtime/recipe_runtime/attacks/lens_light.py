@@ -26,6 +26,11 @@ class LensLight:
         self._bloom = [SparseProduct(matrix, device) for matrix in lens.bloom]
         self._lens = [SparseProduct(matrix, device) for matrix in lens.lens]
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the sparse matrices take."""
+        return sum(product.memory for product in (*self._blur, *self._bloom, *self._lens))
+
     def forward(self, radiance: Values) -> tuple[Values, tuple[Values, ...]]:
         """Return the light of each pixel, [Q, 3], of the radiance of slots, [N, 3], and the values for `backward`."""
         level, saved = self._light.forward(radiance)

@@ -48,6 +48,11 @@ class RetexturedFrame:
         """The frame without inserted textures."""
         return self._frames[self._appearance.digest]
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the frame takes."""
+        return sum(frame.memory for frame in self._frames.values()) + sum(m.nbytes for m in self._maps.values())
+
     def render(self, textures: Mapping[str, Pixels]) -> Pixels:
         """Return the picture with other textures, uint8 [H, W, 3] sRGB, with the bytes of a build with these textures.
 

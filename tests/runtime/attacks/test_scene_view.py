@@ -100,6 +100,17 @@ def test_pictures_and_gradients_have_equal_bytes_with_any_number_of_threads(reci
     assert found == expected
 
 
+def test_kept_views_are_bounded_by_their_memory(recipe: Path) -> None:
+    """And pictures stay the same when views are made again."""
+    from recipe_runtime.torch import SceneView
+
+    texture = texture_of(SECOND)
+    all_kept, one_kept = SceneView(recipe, "poster", PLACES), SceneView(recipe, "poster", PLACES, memory=1)
+    for _ in range(2):
+        assert torch.equal(all_kept.pictures(texture), one_kept.pictures(texture))
+    assert (len(all_kept._views), len(one_kept._views)) == (3, 1)
+
+
 def test_torchs_check_of_gradients(recipe: Path) -> None:
     from recipe_runtime.torch import SceneView
 

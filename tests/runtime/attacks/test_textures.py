@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import recipe_runtime
 from recipe_compiler.ir.errors import InputError
+from recipe_runtime import scenario
 from recipe_runtime.scenario import Scenario
 
 from tests.compiler.modelling import picture, png
@@ -99,3 +101,26 @@ def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: S
         scene.patch_view(0, "poster", "roof")
     with pytest.raises(IndexError):
         scene.render(3, textures={"poster": image})
+
+
+def test_kept_frames_are_bounded_by_their_memory(scene: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A frame of 4096 x 4096 whose pixels all show a patch takes 5 GB."""
+    frames = [scene._scenes.patched_frame(scene.plan, scene.plan.rig.sensors[0], frame) for frame in range(3)]
+    assert all(frame.memory >= 96 * 64 * 3 for frame in frames)
+    monkeypatch.setattr(scenario, "PATCHED_FRAME_CACHE_BYTES", frames[0].memory - 1)
+    scene.close()
+    shown = [scene.render(frame, textures={"poster": SECOND}) for frame in (0, 1, 2)]
+    assert len(scene._scenes._patched) == 1
+    np.testing.assert_array_equal(scene.render(0, textures={"poster": SECOND}), shown[0])
+
+
+@pytest.mark.parametrize("given", [[[1], [1, 2]], np.full((9, 7, 3), np.nan), np.zeros((9, 7, 3), np.int32)], ids=str)
+def test_what_is_no_image_is_refused_by_a_view_too(scene: Scenario, given: Any) -> None:
+    with pytest.raises(InputError, match="the texture of poster"):
+        scene.patch_view(0, "poster", size=(9, 7)).forward(given)
+
+
+@pytest.mark.parametrize("size", [(1.5, 2), ("a", "b"), (True, 1), (0, 1), (1 << 40, 1)])
+def test_sizes_of_textures_are_whole_numbers_within_limits(scene: Scenario, size: Any) -> None:
+    with pytest.raises(InputError, match="the texture of poster"):
+        scene.patch_view(0, "poster", size=size)

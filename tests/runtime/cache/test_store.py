@@ -155,6 +155,16 @@ def test_a_trace_has_the_parts_that_its_actors_shapes_have() -> None:
         assert not is_motion_of(trace(wrong), scene)
 
 
+@pytest.mark.parametrize("body", [b"[[1]]", b'[["a", "b", "c", 1, 2.0]]', b"5", b"{", b"\xff", b"[" * 100_000])
+def test_contacts_of_another_form_count_as_absent(tmp_path: Path, body: bytes) -> None:
+    scene, store = scene_plan(), Store(tmp_path)
+    assert store.keep_trace(scene, simulate(scene)).contacts == simulate(scene).contacts
+    (entry,) = (path for path in tmp_path.glob("contacts/*/*") if path.is_file())
+    store.put("contacts", entry.name, body)
+    assert store.trace(scene, lambda: simulate(scene)).contacts is None
+    assert store.trace(scene, lambda: simulate(scene), contacts=True).contacts == simulate(scene).contacts
+
+
 def test_only_a_bad_trace_is_replaced(tmp_path: Path) -> None:
     scene, store = scene_plan(), Store(tmp_path)
     store.replace_bad_trace(scene, simulate(scene))

@@ -439,6 +439,8 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
         [{**first, "velocity": [0.0] * 4}],
         [{**first, "box3d": {**first["box3d"], "more": 1}}],
         [{**first, "area": "many"}],
+        [{**first, "bbox": [1e308, 0, 1, 1]}],
+        [{**first, "box3d": {**first["box3d"], "rotation": [1e200] * 4}}],
         [{**first, "actor": "ghost"}],
         [{**first, "instance": first["instance"] + 1}],
         [first, first],
