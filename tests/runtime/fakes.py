@@ -179,7 +179,12 @@ class Renderer:
         return self.picture(obs, appearance, frame)
 
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int
+        self,
+        camera: CameraPlan,
+        sensor_name: str,
+        appearances: Sequence[AppearancePlan],
+        in_flight: int,
+        patched: Sequence[AppearancePlan],
     ) -> NoReturn:
         raise AssertionError("a CPU renders its frames one by one")
 

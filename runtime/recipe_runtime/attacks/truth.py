@@ -200,7 +200,12 @@ def _mean_depth(depths: NDArray[np.float32]) -> float:
 
 
 def patch_truth(
-    source: SceneSource, appearance: AppearancePlan, sensor: SensorPlan, seen: Observed, frame: int
+    source: SceneSource,
+    appearance: AppearancePlan,
+    sensor: SensorPlan,
+    seen: Observed,
+    frame: int,
+    patch_map: NDArray[np.uint8] | None = None,
 ) -> FrameTruth:
     """Return the ground truth of an appearance's patches in a frame.
 
@@ -210,8 +215,9 @@ def patch_truth(
         sensor: The sensor.
         seen: The sensor's observation of the frame, by `source`.
         frame: Number of the frame.
+        patch_map: That of the frame, if it is known; it is found from `seen` else.
     """
-    shown = source.patch_map(seen, appearance, frame)
+    shown = source.patch_map(seen, appearance, frame) if patch_map is None else patch_map
     pose = sensor_transform(sensor, source.trace, frame)
     annotator = PatchAnnotator(source.scene, source.trace)
     return annotator.truth(appearance.patches, seen, shown, sensor.camera, pose, frame)

@@ -10,6 +10,7 @@ import pytest
 import recipe_runtime
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime import scenario
+from recipe_runtime.attacks.truth import patch_truth
 from recipe_runtime.scenario import Scenario
 
 from tests.compiler.modelling import picture, png
@@ -79,6 +80,27 @@ def test_a_patch_view_renders_the_same(scene: Scenario) -> None:
     np.testing.assert_allclose(small.forward(SECOND) * 255, small.render(SECOND), atol=1.6)
     gradient = scene.patch_view(0, "paint", size=(16, 16)).backward(np.full((16, 16, 3), 0.5), np.ones((64, 96, 3)))
     assert gradient.shape == (16, 16, 3) and (gradient > 0).any()
+
+
+@pytest.mark.parametrize("captured", ["rgb", "instance"])
+def test_a_stream_gives_the_pictures_and_the_truth_of_single_frames(
+    scene: Scenario, captured: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where no picture is wanted: a stream's observation has no visibility from which to find the patches."""
+    source, sensor, appearance = (
+        scene._scenes.source(scene.plan.scene),
+        scene.plan.rig.sensors[0],
+        scene.plan.appearance,
+    )
+    monkeypatch.setattr(source, "use_streams", True)
+    wanted = [appearance] if captured == "rgb" else []
+    for made in source.make(sensor, wanted, range(3), patched=[appearance]):
+        (shown,) = made.patch_maps
+        truth = patch_truth(source, appearance, sensor, made.seen, made.number, shown)
+        assert truth == scene.patches(made.number) and any(record["area"] for record in truth["patches"])
+        for drawn in made.pictures:
+            np.testing.assert_array_equal(drawn, scene.render(made.number))
+    assert source._stream[1] is not None, "it was a stream"
 
 
 def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: Scenario) -> None:
