@@ -9,8 +9,11 @@ import gc
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 from recipe_runtime.cache.store import kernel_cache
 
+settings.register_profile("any load", deadline=None)  # the time of an example says nothing where processes share cores
+settings.load_profile("any load")
 gc.disable()  # until all tests are collected: imports and test items are kept, and Python's collector walks them all
 
 
