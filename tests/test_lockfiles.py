@@ -63,6 +63,7 @@ def test_every_lockfile_is_verified(locked: list[Path]) -> None:
     assert {"insertion", "painted_car"} & {path.stem for path in LOCKFILES} <= drawn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", LOCKFILES, ids=lambda path: path.stem)
 def test_a_lockfile_has_the_plan_and_the_rows_of_its_recipe(path: Path, locked: list[Path]) -> None:
     """A change of a recipe, or of what it compiles to, needs `make lock`; frames are not rendered here."""

@@ -58,6 +58,7 @@ def scene(folder: Path, name: str, mode: str) -> Scenario:
     return recipe_runtime.open(folder / f"{name}.yaml", f"mode={mode}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["digital", "transfer", "mixed"])
 def test_a_texture_gives_the_frames_of_a_recipe_with_it(folder: Path, mode: str) -> None:
     """In `mixed` a rendered patch is bloomed and blurred over the placeholder and the chart of an inserted one."""

@@ -47,6 +47,7 @@ def view_of(lens: str, weather: str = "noon", scene: Scene | None = None) -> Pat
     return PatchView(seen_by(scene, plan_of(OWN, weather), lens), "poster", OWN.shape[1], OWN.shape[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize("weather", ["noon", "rainy", "night"])
 def test_the_map_has_the_renderers_bytes(lens: str, weather: str) -> None:

@@ -142,6 +142,7 @@ def truth_of(out: Path, variant: str, sensor: str, frame: int) -> FrameTruth:
     return found
 
 
+@pytest.mark.slow
 def test_a_build_writes_the_truth_of_every_frame(built: Path, compiled: Compiled) -> None:
     """There is a file per frame, sensor and variant, listed in the manifest, and the dataset passes verification."""
     dataset = reader.read(built)

@@ -89,6 +89,7 @@ def test_what_the_dataset_does_not_prove_is_rendered(fresh: Lockfile, built: Pat
     assert known.taken_frames == FRAMES - 2 * 2  # a frame is taken for all variants of its view, or for none
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["another cache", "changed manifest", "other code", "gone"])
 def test_only_a_dataset_of_this_host_is_taken_over(
     fresh: Lockfile, built: Path, tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch

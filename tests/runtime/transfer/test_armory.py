@@ -124,6 +124,7 @@ def detection_examples(dev: Path, kind: str) -> list[dict[str, Any]]:
     return examples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["obj_det", "over_obj_det"])
 def test_object_detection_is_read_back(dataset: Dataset, export: Path, recipe: Path, kind: str) -> None:
     examples = detection_examples(export / f"carla_{kind}/dev", kind)
