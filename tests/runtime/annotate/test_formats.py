@@ -137,17 +137,17 @@ def change(table: str, row: int, **values: Any) -> Callable[[dict[str, Any]], No
 
 
 FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
-    (change("images", 1, frame_index=0), r"\(video, frame_index\) \(\d+, 0\) stands 2 times"),
+    (change("images", 1, frame_index=0), r"\(video, frame_index\) \(\d+, 0\) occurs 2 times"),
     (change("images", 1, video_id=99), r"images \d+: video_id 99 has no row in videos"),
     (change("annotations", 0, track_id=99), r"annotations \d+: track_id 99 has no row in tracks"),
     (change("annotations", 0, category_id=99), r"annotations \d+: category_id 99 has no row in categories"),
     (change("annotations", 0, image_id=999), r"annotations \d+: image_id 999 has no row in images"),
-    (lambda data: data["annotations"].append(data["annotations"][0]), r"annotations id \d+ stands 2 times"),
+    (lambda data: data["annotations"].append(data["annotations"][0]), r"annotations id \d+ occurs 2 times"),
     (change("annotations", 0, distance=float("nan")), r"\$.annotations\[0\].distance is nan"),
     (change("annotations", 0, area=3), r"annotation \d+: area 3 is not the mask's"),
     (change("annotations", 0, bbox=[0, 0, 1, 1]), r"annotation \d+: bbox \[0, 0, 1, 1\] is not the mask's"),
     (change("annotations", 0, amodal_bbox=[0, 0, 1, 1]), r"annotation \d+: bbox .* reaches out of amodal_bbox"),
-    (change("tracks", 1, name="weather=w0,jitter=still/hero1"), "tracks name .* stands 2 times"),
+    (change("tracks", 1, name="weather=w0,jitter=still/hero1"), "tracks name .* occurs 2 times"),
     (lambda data: data["images"][0]["assets"][0].update(file_name="../no.png"), "../no.png is not there"),
     (
         lambda data: data["annotations"][1].update(segmentation=data["annotations"][0]["segmentation"]),
