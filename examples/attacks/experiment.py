@@ -1,0 +1,161 @@
+"""The frames, attacks and measurements of the study."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+from recipe_runtime.loading import compiled
+from recipe_runtime.scenario import Scenario, Scenes
+from recipe_runtime.torch import Place, SceneView
+
+from examples.attacks.attack import Goal, gradient, optimise, scores
+from examples.attacks.detector_file import detector_file
+from examples.attacks.network import TfliteNetwork
+from examples.attacks.ssd import PERSON, PhotographDetector
+from examples.attacks.views import DigitalView, FalseGradientView, View, patch_box, patch_record
+
+RECIPES = Path(__file__).parents[2] / "recipes" / "attacks"
+PATCH = "poster"
+ONE, MANY = ("sun",), ("sun", "shade", "cloudy", "soft_rain", "fog", "sunset")
+HELD_OUT = ("early", "cloudy_sunset", "hard_rain", "dense_fog", "dust", "night")
+SIZE = (54, 36)  # texels: height, width
+REACH = 0.2
+BATCH = 4  # frames in a step
+MIN_VISIBLE = 0.95  # share of the poster that frames of the study show
+
+_TRAINING_RUNS, _TEST_RUNS = ("", "#2"), ("#3", "#4")
+_TRAINING_FRAMES = (1, 8, 15, 22)
+_TEST_FRAMES = (4, 12, 20)
+
+
+@dataclass(frozen=True)
+class Attack:
+    """What an attack knows: the weathers that it sees, and how a texture is inserted and its gradient is taken."""
+
+    weathers: tuple[str, ...]
+    insertion: str  # rendered, false gradient or digital
+
+
+ATTACKS = {
+    "digital": Attack(MANY, "digital"),
+    "one weather": Attack(ONE, "rendered"),
+    "many weathers": Attack(MANY, "rendered"),
+    "one weather, false gradient": Attack(ONE, "false gradient"),
+    "many weathers, false gradient": Attack(MANY, "false gradient"),
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A texture and what the detector sees of it.
+
+    Attributes:
+        texture: [1, 3, h, w], 0 to 1.
+        losses: Before each step of the attack; empty for a texture that is not attacked with.
+        rendered: Score of the goal in each test frame.
+        inserted: The same, with the texture inserted digitally; empty but for digital attacks.
+    """
+
+    texture: torch.Tensor
+    losses: list[float]
+    rendered: list[float]
+    inserted: list[float]
+
+
+class Experiment:
+    """The scene and the detector; opened once a process."""
+
+    def __init__(self) -> None:
+        self._plan = compiled(RECIPES / "creation.yaml")
+        scenes = Scenes()
+        self._scenarios = {plan.variant: Scenario(plan, scenes) for plan in self._plan.variants}
+        self._detector = PhotographDetector(TfliteNetwork(detector_file())).eval()
+        self.test = self._places((*MANY, *HELD_OUT), _TEST_RUNS, _TEST_FRAMES)
+        self._views = cache(self._view)
+
+    def attack(self, name: str, seed: int, steps: int) -> Outcome:
+        """Attack with a texture that starts from noise, and test it."""
+        attack = ATTACKS[name]
+        view = self._views(attack.insertion, tuple(self._training(attack.weathers)))
+        found, losses = optimise(view, self._goal(view.frames), (logo()+REACH*(2*noise(seed)-1)).clamp(0,1), near=logo(), reach=REACH, steps=steps, batch=BATCH, seed=seed)
+        return self._outcome(found.mul(255).round().div(255), losses, attack.insertion == "digital")
+
+    def test_texture(self, texture: torch.Tensor) -> Outcome:
+        """Test a texture that is not optimised."""
+        return self._outcome(texture, [], False)
+
+    def cosines(self, texture: torch.Tensor) -> dict[str, float]:
+        """Return, for each weather, the cosine between the exact and the false gradient at a texture."""
+        found = {}
+        for weather in (*MANY, *HELD_OUT):
+            places = tuple(place for place in self.test if place[0].startswith(f"weather={weather}#"))[:1]
+            goal = self._goal(places)
+            exact, false = (
+                gradient(self._views(kind, places), goal, texture, 0).flatten()
+                for kind in ("rendered", "false gradient")
+            )
+            found[weather] = float(torch.nn.functional.cosine_similarity(exact, false, dim=0))
+        return found
+
+    def weathers(self) -> list[str]:
+        """Return the weather of each test frame."""
+        return [variant.partition("=")[2].partition("#")[0] for variant, _ in self.test]
+
+    def seen(self, texture: torch.Tensor, number: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return a test frame with a texture, [3, 300, 300], 0 to 1, and the box [4] in which the goal scores most."""
+        view = self._views("rendered", tuple(self.test))
+        with torch.no_grad():
+            pictures = view.pictures(texture, batch=1, step=number)
+            return pictures[0], self._goal(self.test).best(view, texture, [number])[1][0]
+
+    def _outcome(self, texture: torch.Tensor, losses: list[float], digital: bool) -> Outcome:
+        goal, places = self._goal(self.test), tuple(self.test)
+        rendered = scores(self._views("rendered", places), goal, texture)
+        inserted = scores(self._views("digital", places), goal, texture) if digital else []
+        return Outcome(texture, losses, rendered, inserted)
+
+    def _view(self, insertion: str, frames: tuple[Place, ...]) -> View:
+        if insertion == "rendered":
+            return SceneView(self._plan, PATCH, frames)
+        if insertion == "digital":
+            return DigitalView(self._scenarios, PATCH, frames)
+        rendered = self._views("rendered", frames)
+        assert isinstance(rendered, SceneView)
+        return FalseGradientView(rendered, DigitalView(self._scenarios, PATCH, frames))
+
+    def _goal(self, frames: Sequence[Place]) -> Goal:
+        boxes = [self._box(variant, frame) for variant, frame in frames]
+        return Goal(self._detector, torch.stack(boxes), PERSON)
+
+    def _box(self, variant: str, frame: int) -> torch.Tensor:
+        return patch_box(patch_record(self._scenarios[variant], PATCH, frame))
+
+    def _training(self, weathers: tuple[str, ...]) -> list[Place]:
+        return self._places(weathers, _TRAINING_RUNS, _TRAINING_FRAMES)
+
+    def _places(self, weathers: Sequence[str], runs: Sequence[str], frames: Sequence[int]) -> list[Place]:
+        """Return the frames that show the poster; those with equal labels follow each other."""
+        moments = [(run, frame) for run in runs for frame in frames if self._visible(run, frame)]
+        return [(f"weather={weather}{run}", frame) for run, frame in moments for weather in weathers]
+
+    def _visible(self, run: str, frame: int) -> bool:
+        share = patch_record(self._scenarios[f"weather=sun{run}"], PATCH, frame)["visible_fraction"]
+        return share is not None and share >= MIN_VISIBLE
+
+
+def noise(seed: int) -> torch.Tensor:
+    """Return a random texture."""
+    return torch.rand((1, 3, *SIZE), generator=torch.Generator().manual_seed(seed))
+
+
+def logo() -> torch.Tensor:
+    """Return the picture of rings and stripes of recipes/attacks/poster.yaml, upright, as a texture."""
+    with Image.open(RECIPES / "poster.png") as image:
+        pixels = np.asarray(image.convert("RGB").rotate(90, expand=True).resize(SIZE[::-1], Image.Resampling.BOX))
+    return torch.tensor(pixels.transpose(2, 0, 1)[None] / 255, dtype=torch.float32)
