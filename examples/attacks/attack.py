@@ -40,8 +40,20 @@ class Goal:
         return self.detector.object_logits(pictures, self.boxes[list(frames)], labels)
 
 
+@dataclass(frozen=True)
+class Bounds:
+    """Textures that differ from an image [1, 3, h, w] at most by `reach` per texel and channel, from 0 to 1."""
+
+    image: torch.Tensor
+    reach: float
+
+    def clamp(self, texture: torch.Tensor) -> torch.Tensor:
+        """Return the nearest texture within the bounds."""
+        return texture.clamp(self.image - self.reach, self.image + self.reach).clamp(0, 1)
+
+
 def optimise(
-    view: View, goal: Goal, start: torch.Tensor, *, near: torch.Tensor, reach: float, steps: int, batch: int, seed: int
+    view: View, goal: Goal, start: torch.Tensor, bounds: Bounds, *, steps: int, batch: int, seed: int
 ) -> tuple[torch.Tensor, list[float]]:
     """Return a texture with which a detector sees the goal in the frames of a view, and the loss before each step.
 
@@ -49,6 +61,7 @@ def optimise(
         view: The frames.
         goal: What to see in them.
         start: The texture to start from, [1, 3, h, w], 0 to 1.
+        bounds: Of the textures.
         steps: Number of steps.
         batch: Frames in a step.
         seed: Of the order of the frames.
@@ -62,7 +75,7 @@ def optimise(
         loss.backward()  # type: ignore[no-untyped-call, unused-ignore]
         optimiser.step()
         with torch.no_grad():
-            texture.copy_(texture.clamp(near - reach, near + reach).clamp(0, 1))
+            texture.copy_(bounds.clamp(texture))
         losses.append(float(loss.detach()))
     return texture.detach(), losses
 

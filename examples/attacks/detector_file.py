@@ -60,7 +60,7 @@ def unpacked(package: bytes) -> bytes:
 
 
 def _fetched() -> bytes:
-    registry = os.environ.get("npm_config_registry", DEFAULT_REGISTRY).rstrip("/")
+    registry = os.environ.get("npm_config_registry", DEFAULT_REGISTRY).rstrip("/")  # noqa: SIM112
     url = f"{registry}/{PACKAGE}/-/{PACKAGE.partition('/')[2]}-{VERSION}.tgz"
     try:
         with urllib.request.urlopen(url, timeout=60) as answer:

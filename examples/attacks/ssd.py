@@ -62,7 +62,9 @@ class PhotographDetector(torch.nn.Module):
         best, places = wanted.masked_fill(~near, -torch.inf).max(dim=1)
         return best, found[torch.arange(len(found)), places]
 
-    def forward(self, pictures: Sequence[torch.Tensor], targets: Sequence[dict[str, torch.Tensor]] | None = None) -> Any:
+    def forward(
+        self, pictures: Sequence[torch.Tensor], targets: Sequence[dict[str, torch.Tensor]] | None = None
+    ) -> Any:
         """Return the loss of the targets in training mode, and the detections of each picture in evaluation mode.
 
         Args:

@@ -12,18 +12,19 @@ import argparse
 import json
 import multiprocessing
 import resource
-from collections.abc import Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
 
 import torch
 from recipe_runtime.core import codecs
+from recipe_runtime.torch import Place
 
 from examples.attacks.experiment import ATTACKS, Experiment, Outcome, logo, noise, start
 from examples.attacks.report import Results, draw, tables
 
-SEEDS, STEPS, WORKERS = 5, 80, 2
+SEEDS, STEPS, WORKERS = 5, 40, 2
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -37,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     results = run(options.seeds, options.steps, options.workers)
     options.output.mkdir(parents=True, exist_ok=True)
-    write(results, options.output)
+    write(results, experiment().test, options.output)
     draw(results, experiment(), options.sheet or options.output / "sheet.jpg")
     print("\n\n".join(tables(results)))
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
@@ -59,7 +60,7 @@ def run(seeds: int, steps: int, workers: int) -> Results:
         return Results(experiment().weathers(), outcomes, [job.result() for job in cosines])
 
 
-def write(results: Results, folder: Path) -> None:
+def write(results: Results, test: Sequence[Place], folder: Path) -> None:
     """Write each texture as a PNG, and all scores as JSON."""
     rows = []
     for name, seed, outcome in _rows(results):
@@ -68,7 +69,7 @@ def write(results: Results, folder: Path) -> None:
         (folder / f"{slug}.png").write_bytes(codecs.png(pixels))
         rows.append({"name": name, "seed": seed, "losses": outcome.losses, "rendered": outcome.rendered})
         rows[-1]["inserted"] = outcome.inserted
-    frames = [[variant, frame] for variant, frame in experiment().test]
+    frames = [[variant, frame] for variant, frame in test]
     body = {"frames": frames, "results": rows, "cosines": results.cosines}
     (folder / "results.json").write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
 
