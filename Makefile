@@ -12,7 +12,11 @@ BIN := $(VENV)/bin
 # Tests in two processes, which share nothing but compiled kernels; tests of one file share its fixtures.
 PARALLEL := -n 2 --dist loadfile
 RECIPES := recipes/weather_sweep.yaml recipes/paper/two_pedestrians.yaml
-LOCKED := $(RECIPES) recipes/towns/crossing.yaml recipes/towns/drive.yaml recipes/drone.yaml recipes/tracking.yaml
+# The scene that studies extend, recipes/paper/wall.yaml, is no dataset of its own.
+STUDIES := $(filter-out $(RECIPES) recipes/paper/wall.yaml,$(sort $(wildcard recipes/paper/*.yaml recipes/attacks/*.yaml)))
+LOCKED := $(RECIPES) recipes/towns/crossing.yaml recipes/towns/drive.yaml recipes/drone.yaml recipes/tracking.yaml $(STUDIES)
+# Of these, `make test` verifies two frames each, some ten seconds in all; `make verify` has the others.
+SAMPLED := $(wildcard $(patsubst %,lockfiles/%.lock,insertion background_ablation painted_car poster))
 
 # PyBullet has wheels for CPython 3.10 and 3.11 on x86-64 Linux, and for no later one.
 FITS := import sys; sys.exit(sys.implementation.name != "cpython" or sys.version_info[:2] not in {(3, 10), (3, 11)})
@@ -27,6 +31,7 @@ demo: install  ## install, then build recipes/weather_sweep.yaml into datasets/
 test: install-dev check  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
 	$(BIN)/python -m pytest -q $(PARALLEL) --durations=15
 	$(BIN)/recipe verify $(RECIPES)
+	$(if $(SAMPLED),$(BIN)/recipe verify --frames 2 $(SAMPLED))
 
 check: install-dev  ## lint, formatting and strict types
 	$(BIN)/ruff check .
@@ -112,9 +117,10 @@ bench-ray: install-dev  ## what Ray costs over local processes, for the same fra
 presets: install  ## redraw docs/presets.jpg: all of CARLA's presets, seen by three cameras
 	$(BIN)/python docs/presets.py
 
-paper: install-dev  ## measure the paper's studies and redraw the sheets of docs/paper.md; OpenCV is installed for it
+paper: install-dev  ## measure the paper's studies and renew its tables and pictures in docs/; OpenCV is installed for it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'opencv-python-headless==5.0.0.93'
 	$(BIN)/python -m benchmarks.paper
+	$(BIN)/python -m benchmarks.insertion
 
 attack-study: install-dev  ## attack a detector trained on photographs, and redraw docs/paper/attack_study.jpg; PyTorch is installed for it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'

@@ -1,17 +1,18 @@
-"""Error of each way to insert a patch into a picture, against the patch that is rendered in the scene.
+"""Error of each method that inserts a patch into a picture, relative to the patch rendered in the scene.
 
-    python -m benchmarks.insertion
-    python -m benchmarks.insertion --frames 2 --figure docs/insertion.jpg
+    python -m benchmarks.insertion              # print the table, and write it and the figure into docs/
+    python -m benchmarks.insertion --check      # write nothing; exit with 1 if the table is outdated
 
-For each weather of recipes/attacks/poster.yaml: the mean absolute difference to mode `rendered`, in 8-bit levels, over
-the pixels that show the patch, all channels, and frames that are spread over the clip. `--figure` writes the pictures
-of all ways beside each other. The last line of output is a JSON object.
+For each weather and hour of recipes/attacks/poster_hours.yaml: the mean absolute difference from mode `rendered`, in
+8-bit levels, over the pixels that show the patch, all channels, and all frames. The figure has a row for each weather
+and hour and a column for each method, and shows one frame.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import itertools
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
@@ -24,8 +25,13 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.loading import opened
 
-RECIPE = Path(__file__).parents[1] / "recipes" / "attacks" / "poster.yaml"
-WEATHERS = ("clear", "rainy", "foggy", "night")
+from benchmarks.pages import markdown, table_of, write_table
+
+ROOT = Path(__file__).parents[1]
+RECIPE = ROOT / "recipes" / "attacks" / "poster_hours.yaml"
+PAGE, FIGURE = ROOT / "docs" / "attacks.md", ROOT / "docs" / "insertion.jpg"
+COMMAND = "python -m benchmarks.insertion"
+WEATHERS, HOURS = ("clear", "rainy", "foggy"), ("08h", "12h", "16h", "21h")
 TITLES = {
     "rendered": "rendered",
     "green": "placeholder",
@@ -35,47 +41,50 @@ TITLES = {
     "matrix": "matrix",
     "reap": "REAP's lines",
 }
-MARGIN, WIDTH, CAPTION, QUALITY = 12, 190, 20, 88  # pixels around the patch, of a picture, of a caption; of the JPEG
+MARGIN, WIDTH, CAPTION, SIDE, QUALITY = 12, 150, 22, 74, 75  # pixels: around the patch, of a picture, of captions
+SHOWN = 2  # the frame of the figure
 
 Picture = NDArray[np.uint8]
 
 
-def main() -> None:
-    """Measure every way in every weather and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=4, help="frames to compare, spread over the clip")
-    parser.add_argument("--figure", type=Path, help="a JPEG file to write")
-    arguments = parser.parse_args()
+def main() -> int:
+    """Measure every method in every weather at every hour, and return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="compare with the page, and write nothing")
+    check = parser.parse_args().check
     plan, engines = opened(RECIPE)
     scene = plan.variants[0].scene
     source = SceneSource(scene, engines.simulate(scene), engines=engines)
-    step = scene.clock.frames // arguments.frames
-    errors: dict[str, dict[str, float]] = {}
-    rows: list[list[Picture]] = []
-    print(
-        f"| weather | {' | '.join(name for name in TITLES if name != 'rendered')} |\n|---|{'---|' * (len(TITLES) - 1)}"
-    )
-    for weather in WEATHERS:
-        variants = variants_of(plan, weather)
+    table: list[dict[str, str]] = []
+    rows: list[tuple[str, list[Picture]]] = []
+    for weather, hour in itertools.product(WEATHERS, HOURS):
+        variants = variants_of(plan, weather, hour)
         found: dict[str, list[float]] = {}
-        for frame in range(step // 2, step * arguments.frames, step):
+        for frame in range(scene.clock.frames):
             mask, pictures = compared(source, variants, frame)
             for name, picture in pictures.items():
-                gap = np.abs(picture.astype(int) - pictures["rendered"])[mask]
-                found.setdefault(name, []).append(float(gap.mean()))
-        rows.append([cropped(picture, mask) for picture in pictures.values()])
-        errors[weather] = {name: sum(values) / len(values) for name, values in found.items() if name != "rendered"}
-        print(f"| {weather} | {' | '.join(f'{value:.1f}' for value in errors[weather].values())} |", flush=True)
-    if arguments.figure is not None:
-        sheet(rows).save(arguments.figure, quality=QUALITY, optimize=True)
-    print(json.dumps(errors))
+                difference = np.abs(picture.astype(int) - pictures["rendered"])[mask]
+                found.setdefault(name, []).append(float(difference.mean()))
+            if frame == SHOWN:
+                rows.append((f"{weather} {hour}", [cropped(picture, mask) for picture in pictures.values()]))
+        means = {TITLES[name]: f"{np.mean(values):.1f}" for name, values in found.items() if name != "rendered"}
+        table.append({"weather": weather, "hour": hour, **means})
+    print(markdown(table))
+    if not check:
+        write_table(PAGE, COMMAND, table)
+        sheet(rows).save(FIGURE, quality=QUALITY, optimize=True)
+    elif table_of(PAGE, COMMAND) != markdown(table):
+        print(f"{PAGE}: the table differs from what was measured", file=sys.stderr)
+        return 1
+    return 0
 
 
-def variants_of(plan: DatasetPlan, weather: str) -> dict[str, ScenarioPlan]:
-    """The variants of a weather by way of insertion, with one for each method of colour transfer."""
-    there = {variant.variant: variant for variant in plan.variants}
-    found = {mode: there[f"weather={weather},insertion={mode}"] for mode in ("rendered", "green", "digital")}
-    transfer = there[f"weather={weather},insertion=color_transfer"]
+def variants_of(plan: DatasetPlan, weather: str, hour: str) -> dict[str, ScenarioPlan]:
+    """Return the variants of a weather and hour by method; colour transfer has one for each transfer method."""
+    by_name = {variant.variant: variant for variant in plan.variants}
+    modes = ("rendered", "green", "digital", "color_transfer")
+    found = {mode: by_name[f"weather={weather},insertion={mode},hour={hour}"] for mode in modes}
+    transfer = found.pop("color_transfer")
     for method in sorted(get_args(TransferMethod), key=list(TITLES).index):
         patches = tuple(p.model_copy(update={"transfer": method}) for p in transfer.appearance.patches)
         appearance = transfer.appearance.model_copy(update={"patches": patches})
@@ -100,18 +109,22 @@ def cropped(picture: Picture, mask: NDArray[np.bool_]) -> Picture:
     return picture[top : int(rows.max()) + MARGIN, left : int(columns.max()) + MARGIN]
 
 
-def sheet(rows: Sequence[Sequence[Picture]]) -> Image.Image:
-    """The pictures in rows, with the ways above the columns."""
-    height = WIDTH * rows[0][0].shape[0] // rows[0][0].shape[1]
-    laid = Image.new("RGB", (WIDTH * len(rows[0]), CAPTION + height * len(rows)), (24, 26, 31))
-    pen, font = ImageDraw.Draw(laid), ImageFont.load_default(14)
+def sheet(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Image.Image:
+    """Return the pictures as a table: a row for each weather and hour, a column with a title for each method."""
+    height = WIDTH * rows[0][1][0].shape[0] // rows[0][1][0].shape[1]
+    picture_table = Image.new("RGB", (SIDE + WIDTH * len(TITLES), CAPTION + height * len(rows)), (255, 255, 255))
+    pen, font = ImageDraw.Draw(picture_table), ImageFont.load_default(14)
     for column, title in enumerate(TITLES.values()):
-        pen.text((column * WIDTH + 6, 1), title, fill=(226, 230, 237), font=font)
-        for row, pictures in enumerate(rows):
-            small = Image.fromarray(pictures[column]).resize((WIDTH - 2, height - 2), Image.Resampling.LANCZOS)
-            laid.paste(small, (column * WIDTH + 1, CAPTION + row * height + 1))
-    return laid
+        pen.text((SIDE + column * WIDTH + WIDTH / 2, 3), title, fill=(24, 26, 31), font=font, anchor="ma")
+    for row, (name, pictures) in enumerate(rows):
+        top = CAPTION + row * height
+        for line, word in enumerate(name.split()):
+            pen.text((4, top + height / 2 + 18 * (line - 1)), word, fill=(24, 26, 31), font=font)
+        for column, picture in enumerate(pictures):
+            small = Image.fromarray(picture).resize((WIDTH - 3, height - 3), Image.Resampling.LANCZOS)
+            picture_table.paste(small, (SIDE + column * WIDTH + 1, top + 1))
+    return picture_table
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

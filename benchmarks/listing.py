@@ -88,6 +88,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
     found["town plain"], _ = plain(folder / "town", town, trace, arguments.slow_frames // 2)
     found["kernels"] = {name: kernels(recipe, variant) for name, (recipe, variant) in STAGED.items()}
     found["simulation"] = {str(size): simulation.measured(size) for size in simulation.SIZES}
+    found["textures"] = last_line(run([sys.executable, "-m", "benchmarks.textures"]))
     found["load after"] = [round(x, 2) for x in os.getloadavg()]
     return found
 

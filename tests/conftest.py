@@ -5,10 +5,19 @@ Under pytest-xdist each worker has a cache of its own too; workers share nothing
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 
 import pytest
 from recipe_runtime.cache.store import kernel_cache
+
+gc.disable()  # until all tests are collected: imports and test items are kept, and Python's collector walks them all
+
+
+def pytest_collection_finish() -> None:
+    """From here on the collector passes over what was imported, a million objects that no test frees."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,6 +1,6 @@
-"""Faults of CARLA's data collector (pull request 4992), and a test for each that this project lacks it.
+"""Bugs of CARLA's data collector (pull request 4992): a test for each shows that this project does not have it.
 
-The numbers are those of the list of faults in docs/carla.md. Other tests check some of the properties in more detail.
+The numbers are those of the table in docs/carla.md. Other tests check some of the properties in more detail.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ spawn_actors:
 """
 
 
-def test_1_jitter_is_of_the_rig_so_labels_match_pixels(tmp_path: Path) -> None:
+def test_1_modalities_share_the_jitter_so_labels_match_pixels(tmp_path: Path) -> None:
     (plan,) = compiled(import_text(MOBILE), tmp_path).plan.variants
     (sensor,) = plan.rig.sensors  # two sensors in the configuration, each with its own jitter
     assert sensor.capture == ("rgb", "instance")
@@ -140,7 +140,7 @@ def test_9_mots_classes_are_trackevals() -> None:
     assert all(mots_id(tag * 1000 + 999) // 1000 == kind for tag, kind in MOTS_CLASSES.items())
 
 
-def test_10_every_sequence_keeps_all_its_frames_and_an_id_stands_once_in_a_frame(dataset: Path) -> None:
+def test_10_every_sequence_keeps_its_frames_and_an_id_occurs_once_in_a_frame(dataset: Path) -> None:
     files = sorted((dataset / "mots" / "MOTS-train").glob("*/gt/gt.txt"))
     assert len(files) == 8
     for file in files:
@@ -160,11 +160,11 @@ def test_10_parts_of_the_ignore_region_are_one_row() -> None:
     assert line.startswith("1 10000 10 2 5 ")
 
 
-def test_11_a_fragmented_object_is_no_crowd(kwcoco: dict[str, list[dict[str, Any]]]) -> None:
+def test_11_a_fragmented_object_is_not_a_crowd(kwcoco: dict[str, list[dict[str, Any]]]) -> None:
     assert {row["iscrowd"] for row in kwcoco["annotations"]} == {0}
 
 
-def test_12_more_instances_than_an_id_can_hold_are_refused(tmp_path: Path) -> None:
+def test_12_more_instances_than_an_id_can_hold_are_an_error(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="limit of 299 actors is exceeded, 300"):
         instance_numbers([f"a{n}" for n in range(300)], ())
     with pytest.raises(ValueError, match="limit of actors that occur only in deltas"):
@@ -174,7 +174,7 @@ def test_12_more_instances_than_an_id_can_hold_are_refused(tmp_path: Path) -> No
         import_text("max_frames: 1\nspawn_actors:\n  - blueprint: {name: sensor.camera.rgb}\n" + actors)
 
 
-def test_13_every_annotation_says_how_much_is_visible_and_the_dataset_where_it_comes_from(
+def test_13_annotations_have_visibility_and_datasets_have_provenance(
     dataset: Path, kwcoco: dict[str, list[dict[str, Any]]]
 ) -> None:
     for row in kwcoco["annotations"]:
@@ -183,9 +183,9 @@ def test_13_every_annotation_says_how_much_is_visible_and_the_dataset_where_it_c
     assert "sha256" in json.dumps(manifest)
 
 
-def test_the_page_lists_the_same_faults() -> None:
+def test_the_page_lists_the_same_bugs() -> None:
     page = (ROOT / "docs" / "carla.md").read_text(encoding="utf-8")
     text = Path(__file__).read_text(encoding="utf-8")
     numbers = [n for n in range(1, 99) if f"def test_{n}_" in text]
     assert numbers == list(range(1, 14))
-    assert all(f"\n{n}. " in page for n in numbers) and "\n14. " not in page
+    assert all(f"\n| {n} | " in page for n in numbers) and "\n| 14 | " not in page

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from tests.sources import PACKAGES, imports, modules
+from tests.sources import PACKAGES, imports, modules, walk
 
 BANNED_IMPORTS = {"random", "secrets", "uuid", "datetime", "time", "socket", "getpass"}
 ALLOWED_IMPORTS = {
@@ -62,7 +62,7 @@ def test_entropy_has_one_door() -> None:
 
 
 def _attributes(tree: ast.Module) -> Iterator[tuple[str, str, int]]:
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             yield node.value.id, node.attr, node.lineno
 
@@ -87,7 +87,7 @@ def test_no_libm_by_name_and_no_product_by_method(package: str) -> None:
 
 
 def _by_another_name(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in {"math", "cmath", "numpy"}:
             names = {alias.name for alias in node.names} | set((node.module or "").split("."))
             yield from (f"{node.lineno}: imports {name}" for name in sorted(names & (LIBM | BLAS | {"*", "random"})))
@@ -108,7 +108,7 @@ def test_nothing_is_told_apart_by_its_address() -> None:
     """id() and hash() differ between runs: they may be keys of what is remembered, and never reach a value."""
     used = set()
     for path, tree in _everything():
-        names = (node for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load))
+        names = (node for node in walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load))
         for node in names:
             if node.id in {"hash", "id"}:
                 assert path in ALLOWED_ADDRESSES, f"{path}:{node.lineno}: {node.id}() differs between runs"
@@ -118,7 +118,7 @@ def test_nothing_is_told_apart_by_its_address() -> None:
 
 def test_no_matrix_products_and_no_float_powers() -> None:
     for path, tree in _everything():
-        for node in ast.walk(tree):
+        for node in walk(tree):
             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult):
                 pytest.fail(f"{path}:{node.lineno}: `@` goes through BLAS")
             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
@@ -130,8 +130,8 @@ def test_no_matrix_products_and_no_float_powers() -> None:
 def test_listings_are_sorted() -> None:
     """`glob`, `iterdir` and the like come in the file system's order; each stands inside sorted() or any()."""
     for path, tree in _everything():
-        parents = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
-        for node in ast.walk(tree):
+        parents = {child: node for node in walk(tree) for child in ast.iter_child_nodes(node)}
+        for node in walk(tree):
             if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
                 continue
             if node.func.attr not in {"glob", "rglob", "iterdir", "listdir", "scandir"}:
@@ -145,7 +145,7 @@ def test_listings_are_sorted() -> None:
 def test_argsort_is_stable() -> None:
     """NumPy's default sorts equal keys by the CPU's instruction set, in an order of its own."""
     for path, tree in _everything():
-        for node in ast.walk(tree):
+        for node in walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "argsort":
                 kinds = [ast.unparse(keyword.value) for keyword in node.keywords if keyword.arg == "kind"]
                 assert kinds == ["'stable'"], f"{path}:{node.lineno}: argsort without kind='stable'"
@@ -165,7 +165,7 @@ _ORDERING = {"list", "tuple", "enumerate", "iter", "map", "zip", "reversed", "fi
 
 
 def _ordered_sets(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+    for node in walk(tree):
         taken: list[ast.expr] = []
         if isinstance(node, ast.For | ast.comprehension):
             taken = [node.iter]

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.sources import PACKAGES, imports, modules
+from tests.sources import PACKAGES, imports, modules, walk
 
 # From the lowest layer to the highest. A name that is not a package stands for the module of that name in the root.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -102,7 +102,7 @@ def test_modules_and_functions_stay_short(top: str) -> None:
         seen += 1
         lines = (PACKAGES[top].parent / path).read_text(encoding="utf-8").count("\n")
         long += [path] * (lines > MAX_MODULE_LINES)
-        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        functions = [node for node in walk(tree) if isinstance(node, ast.FunctionDef)]
         long += [
             f"{path}: {node.name}" for node in functions if (node.end_lineno or 0) - node.lineno >= MAX_FUNCTION_LINES
         ]

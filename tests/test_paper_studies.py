@@ -1,4 +1,4 @@
-"""The paper's studies measure what they say, on videos and labels of a few pixels."""
+"""The paper's studies compute the documented measures, on videos and labels of a few pixels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.records import LabelRecord
 
-from benchmarks.paper.__main__ import markdown
+from benchmarks.pages import markdown
 from benchmarks.paper.defences import Mask, Picture, RunningGaussian, flagged, removal, thresholds
 from benchmarks.paper.studies import share_in_boxes
 
@@ -61,7 +61,7 @@ def test_thresholds_of_clean_pictures_find_a_patch() -> None:
 
 @pytest.mark.parametrize(("depth", "inside"), [(10.0, 16), (11.5, 0)])
 def test_pixels_are_in_the_box_if_their_depth_is(depth: float, inside: int) -> None:
-    """A 2 m cube, 10 m before a camera, turned by 90 degrees about its vertical axis."""
+    """A 2 m cube, 10 m in front of a camera, rotated by 90 degrees about its vertical axis."""
     instances = np.zeros((16, 16), np.uint16)
     instances[6:10, 6:10] = 12001
     half = 0.5**0.5
@@ -72,5 +72,5 @@ def test_pixels_are_in_the_box_if_their_depth_is(depth: float, inside: int) -> N
     assert share_in_boxes(metres, instances, [label], view) == (inside, 16)
 
 
-def test_a_table_has_one_row_a_measurement() -> None:
+def test_a_table_has_one_row_per_measurement() -> None:
     assert markdown([{"a": "1", "b": "x"}, {"a": "2", "b": "y"}]) == "| a | b |\n| --- | --- |\n| 1 | x |\n| 2 | y |"

@@ -8,7 +8,7 @@ import pytest
 from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.semantic_tags import BODIES, Tag
 
-from tests.sources import modules
+from tests.sources import modules, walk
 
 TABLES = [
     ("recipe_compiler/ir/modalities.py", frozenset(MODALITIES)),
@@ -23,7 +23,7 @@ def listed(tree: ast.Module, names: frozenset[str]) -> list[int]:
     least = SHORTEST[len(names) > 4]
     return [
         node.lineno
-        for node in ast.walk(tree)
+        for node in walk(tree)
         if isinstance(node, ast.Tuple | ast.List | ast.Set)
         and len(names & {item.value for item in node.elts if isinstance(item, ast.Constant)}) >= least
     ]

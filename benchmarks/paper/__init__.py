@@ -1,1 +1,1 @@
-"""The paper's studies: `make paper` measures those of recipes/paper/ and draws the pictures of docs/paper.md."""
+"""The paper's studies: `make paper` renders the recipes of recipes/paper/, measures, and draws docs/paper/."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Picture = NDArray[np.uint8]  # [H, W, 3], sRGB
 Mask = NDArray[np.bool_]  # [H, W]
-Subtractor = Callable[[Picture], Mask]  # called frame by frame; true where the frame shows foreground
+Subtractor = Callable[[Picture], Mask]  # called frame by frame; returns True where the frame shows foreground
 
 _WINDOW = 9  # pixels: side of the square over which differences are averaged
 
@@ -33,60 +33,61 @@ class RunningGaussian:
         levels = picture.astype(np.float64)
         if self._mean is None:
             self._mean, self._variance = levels, np.full(levels.shape, 15.0)
-        off = levels - self._mean
-        foreground: Mask = np.asarray((off * off > self._deviations**2 * self._variance).any(axis=2), np.bool_)
-        self._mean = self._mean + self._rate * off
-        self._variance = np.maximum(self._variance + self._rate * (off * off - self._variance), 4.0)
+        difference = levels - self._mean
+        squared = difference * difference
+        foreground: Mask = np.asarray((squared > self._deviations**2 * self._variance).any(axis=2), np.bool_)
+        self._mean = self._mean + self._rate * difference
+        self._variance = np.maximum(self._variance + self._rate * (squared - self._variance), 4.0)
         return foreground
 
 
 def opencv_subtractors() -> dict[str, Subtractor]:
-    """Return OpenCV's background subtractors with their own defaults; none if OpenCV is not installed."""
+    """Return OpenCV's background subtractors with their default settings; empty if OpenCV is not installed."""
     try:
         import cv2
     except ImportError:
         return {}
-    made = {"OpenCV MOG2": cv2.createBackgroundSubtractorMOG2(), "OpenCV KNN": cv2.createBackgroundSubtractorKNN()}
+    models = {"OpenCV MOG2": cv2.createBackgroundSubtractorMOG2(), "OpenCV KNN": cv2.createBackgroundSubtractorKNN()}
 
     def foreground_of(model: cv2.BackgroundSubtractor) -> Subtractor:
         return lambda picture: np.asarray(model.apply(picture) == 255, np.bool_)  # 127 is shadow
 
-    return {name: foreground_of(model) for name, model in made.items()}
+    return {name: foreground_of(model) for name, model in models.items()}
 
 
 @dataclass(frozen=True)
 class Removal:
-    """What a background subtractor removes from a video: shares of pixels, 0 to 1."""
+    """The shares of pixels, 0 to 1, that a background subtractor removes from a video as background."""
 
-    patch: float  # of the patch: the defence works if it is 1
-    target: float  # of the person who walks before it: 0 would be best
+    patch: float  # of the patch: 1 is best
+    target: float  # of the person who walks in front of it: 0 is best
 
 
 def removal(
     pictures: Sequence[Picture], patches: Sequence[Mask], targets: Sequence[Mask], subtractor: Subtractor, warmup: int
 ) -> Removal:
-    """Run a background subtractor over a video and count what it takes for background.
+    """Run a background subtractor over a video and count the pixels that it classifies as background.
 
     Args:
         pictures: The frames, in order.
         patches: The pixels of each frame that show the patch.
         targets: The pixels of each frame that show the person.
         subtractor: A new background model.
-        warmup: Number of frames that it sees before pixels are counted.
+        warmup: Number of frames that the model is updated with before pixels are counted.
     """
-    lost, whole = np.zeros(2), np.zeros(2)
+    removed, total = np.zeros(2), np.zeros(2)
     for number, picture in enumerate(pictures):
         background = ~subtractor(picture)
         if number >= warmup:
             shown = patches[number], targets[number]
-            lost += [int((background & mask).sum()) for mask in shown]
-            whole += [int(mask.sum()) for mask in shown]
-    patch, target = lost / np.maximum(whole, 1)
+            removed += [int((background & mask).sum()) for mask in shown]
+            total += [int(mask.sum()) for mask in shown]
+    patch, target = removed / np.maximum(total, 1)
     return Removal(float(patch), float(target))
 
 
 def statistics(picture: Picture) -> dict[str, NDArray[np.float64]]:
-    """Return three statistics of each pixel, [H, W] each, which are high on unnatural patches.
+    """Return three statistics of each pixel, [H, W] each, which are high on adversarial patches.
 
     - colour: distance of its chromaticity from the picture's median;
     - frequency: mean difference of neighbouring pixels around it, in levels;
@@ -101,7 +102,7 @@ def statistics(picture: Picture) -> dict[str, NDArray[np.float64]]:
 
 
 def thresholds(clean: Sequence[Picture], quantile: float) -> dict[str, float]:
-    """Return for each statistic the value that the given share of the pixels of clean pictures stays below."""
+    """Return a quantile of each statistic over the pixels of clean pictures."""
     found = [statistics(picture) for picture in clean]
     return {name: float(np.quantile([row[name] for row in found], quantile)) for name in found[0]}
 

@@ -1,8 +1,9 @@
-"""The studies: each renders a few frames of a recipe, draws a sheet, and returns a table of what it measured."""
+"""The studies: each renders some frames of a recipe, and returns a table of measurements and a contact sheet."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,20 +15,28 @@ from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.scenario import Scenario
 
+from benchmarks.pages import Table
 from benchmarks.paper import defences, sheets
 from benchmarks.paper.defences import Mask, Picture
+from benchmarks.paper.sheets import Sheet
 
-ROOT = Path(__file__).parents[2]
-RECIPES, SHEETS = ROOT / "recipes" / "paper", ROOT / "docs" / "paper"
-Table = list[dict[str, str]]
+RECIPES = Path(__file__).parents[2] / "recipes" / "paper"
 
-_WARMUP = 20  # frames that a background model sees first: two seconds
-_QUANTILE = 0.99  # of the pixels of clean pictures pass as natural
-_MARGIN = 0.02  # metres by which a point may lie outside its actor's box: the depth of a pixel's centre is rounded
+_WARMUP = 20  # frames that update a background model before pixels are counted: two seconds
+_QUANTILE = 0.99  # share of the pixels of clean pictures that are below a defence's thresholds
+_MARGIN = 0.02  # metres by which a point may lie outside its actor's box, because depth is rounded
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a study found: a table, and pictures."""
+
+    table: Table
+    sheet: Sheet
 
 
 def opened(recipe: str, variant: str) -> Scenario:
-    """Open a variant of a recipe of this folder."""
+    """Open a variant of a recipe of `recipes/paper`."""
     return recipe_runtime.open(RECIPES / f"{recipe}.yaml", variant=variant)
 
 
@@ -37,7 +46,7 @@ def picture(scenario: Scenario, frame: int) -> Picture:
 
 
 def patch_mask(scenario: Scenario, frame: int, name: str) -> Mask:
-    """Return the pixels of a frame whose centres show a patch; none if the variant has no such patch."""
+    """Return the pixels of a frame whose centres show a patch; all False if the variant has no such patch."""
     camera = scenario.plan.rig.sensors[0].camera
     for record in scenario.patches(frame)["patches"]:
         if record["name"] == name and record["counts"] is not None:
@@ -47,12 +56,12 @@ def patch_mask(scenario: Scenario, frame: int, name: str) -> Mask:
 
 
 def labels_equal(one: Scenario, other: Scenario, frames: Sequence[int]) -> str:
-    """Return whether depth and instances of two variants are equal in the given frames."""
+    """Return "equal" if depth and instances of two variants are equal in the given frames, else "different"."""
     pairs = ((one.render(f, None, m), other.render(f, None, m)) for f in frames for m in ("depth", "instance"))
     return "equal" if all(np.array_equal(a, b) for a, b in pairs) else "different"
 
 
-def weather_change() -> Table:
+def weather_change() -> Measured:
     """Figure 9: one scene in three weathers."""
     frames, cells, rows = (20, 100, 176), [], []
     with opened("two_pedestrians", "weather=sunny") as first:
@@ -65,20 +74,19 @@ def weather_change() -> Table:
             rows.append(
                 {"weather": name, "mean level": f"{level:.1f}", "contrast": f"{contrast:.1f}", "labels": labels}
             )
-    sheets.save(cells, 3, SHEETS / "weather_change.jpg", (400, 300))
-    return rows
+    return Measured(rows, Sheet(tuple(cells), 3, (400, 300)))
 
 
 def share_in_boxes(
     metres: NDArray[np.float32], instances: NDArray[np.uint16], labels: Sequence[LabelRecord], view: Calibration
 ) -> tuple[int, int]:
-    """Count the pixels of actors, and those of them whose depth puts them into the 3-D box of their actor.
+    """Count the pixels of actors whose depth places them inside their actor's 3-D box, and all pixels of actors.
 
     Args:
         metres: Depth along the optical axis, float32 [H, W].
         instances: Instance of each pixel, uint16 [H, W].
         labels: The records of the frame, with boxes in the sensor's frame.
-        view: Its calibration.
+        view: The calibration of the frame.
     """
     inverse, inside, total = np.linalg.inv(np.array(view["K"])), 0, 0
     for label in labels:
@@ -93,8 +101,8 @@ def share_in_boxes(
     return inside, total
 
 
-def aligned() -> Table:
-    """Figure 3: RGB, depth and instances of a camera that turns and shakes, beside labels that are one frame late."""
+def aligned() -> Measured:
+    """Figure 3: RGB, depth and instances of a camera that turns and shakes, compared with labels one frame late."""
     together, late = np.zeros(2, np.int64), np.zeros(2, np.int64)
     with opened("aligned", "weather=sunny") as clip:
         before = None
@@ -109,12 +117,16 @@ def aligned() -> Table:
         shown = 10
         depth = np.asarray(clip.render(shown, None, "depth"), np.float32)
         objects = np.asarray(clip.render(shown, None, "instance"), np.uint16)
-        cells = [("depth", sheets.colour_depth(depth)), ("RGB", picture(clip, shown))]
+        seen = picture(clip, shown)
+        cells = [("depth", sheets.colour_depth(depth)), ("RGB", seen)]
         cells.append(("instances", sheets.colour_instances(objects)))
+        person = objects == min(record["instance"] for record in clip.labels(shown) if record["actor"] == "hero1")
+        cells.append(
+            ("outline of an instance on RGB", sheets.around(sheets.outlined(seen, objects), person, 0.1, (4, 3)))
+        )
         with opened("aligned", "weather=foggy") as foggy:
             labels = labels_equal(clip, foggy, clip.frames())
-    sheets.save(cells, 3, SHEETS / "aligned.jpg", (400, 300))
-    return [
+    rows = [
         {
             "instances": name,
             "pixels of actors": str(total),
@@ -123,10 +135,11 @@ def aligned() -> Table:
         }
         for name, (inside, total), fog in (("of the same frame", together, labels), ("one frame late", late, "-"))
     ]
+    return Measured(rows, Sheet(tuple(cells), 4, (320, 240)))
 
 
-def insertion() -> Table:
-    """Figure 1: four ways to insert a patch, in the sun and in the shade; the rendered patch is the truth."""
+def insertion() -> Measured:
+    """Figure 1: four insertion modes, in the sun and in the shade; the rendered patch is the reference."""
     frames, shown, cells, rows = (2, 4, 6), 4, [], []
     for light in ("sun", "shade"):
         with opened("insertion", f"light={light},insertion=rendered") as truth:
@@ -134,47 +147,52 @@ def insertion() -> Table:
                 with opened("insertion", f"light={light},insertion={mode}") as clip:
                     on, bias, off = [], [], 0
                     for frame in frames:
-                        apart = picture(clip, frame).astype(np.int64) - picture(truth, frame)
+                        difference = picture(clip, frame).astype(np.int64) - picture(truth, frame)
                         mask = patch_mask(truth, frame, "patch")
-                        on.append(np.abs(apart[mask]).mean())
-                        bias.append(apart[mask].mean())
-                        off += int(apart[~mask].any(axis=1).sum())
+                        on.append(np.abs(difference[mask]).mean())
+                        bias.append(difference[mask].mean())
+                        off += int(difference[~mask].any(axis=1).sum())
                     labels = labels_equal(truth, clip, frames)
-                    cells.append((f"{mode}, {light}", _crop(picture(clip, shown), patch_mask(truth, shown, "patch"))))
+                    part = sheets.around(picture(clip, shown), patch_mask(truth, shown, "patch"), 0.25, (5, 4))
+                    cells.append((f"{mode}, {light}", part))
                 row = {"light": light, "mode": mode, "mean error, levels": f"{np.mean(on):.1f}"}
-                row["too bright by"] = f"{np.mean(bias):.1f}"
+                row["mean difference"] = f"{np.mean(bias):+.1f}"
                 rows.append({**row, "other pixels that differ": str(off // len(frames)), "labels": labels})
-    sheets.save(cells, 4, SHEETS / "insertion.jpg", (300, 240))
-    return rows
+    return Measured(rows, Sheet(tuple(cells), 4, (300, 240)))
 
 
 def subtractors() -> dict[str, defences.Subtractor]:
-    """Return new background models by name: OpenCV's if it is installed, and a Gaussian per pixel."""
+    """Return new background models by name: OpenCV's, if it is installed, and a Gaussian per pixel."""
     return {**defences.opencv_subtractors(), "Gaussian": defences.RunningGaussian()}
 
 
-def background_ablation() -> Table:
+def background_ablation() -> Measured:
     """Figure 6: background subtraction as a defence, with a static and with a shaking camera."""
     cells, rows, shown = [], [], 25
+    still: list[NDArray[np.float64]] = []
     for camera in ("static", "shaking"):
         with opened("background_ablation", f"camera={camera}") as clip:
             frames = clip.frames()
             pictures = [picture(clip, frame) for frame in frames]
             patches = [patch_mask(clip, frame, "patch") for frame in frames]
             targets = [np.asarray(clip.render(frame, None, "instance")) > 0 for frame in frames]
+            corners = [np.array(clip.patches(frame)["patches"][0]["corners"]) for frame in frames]
+        still = still or corners
+        moved = max(float(np.hypot(*(a - b).T).max()) for a, b in zip(corners, still, strict=True))
         for name, model in subtractors().items():
             lost = defences.removal(pictures, patches, targets, model, _WARMUP)
-            row = {"camera": camera, "subtractor": name, "patch removed": _percent(lost.patch)}
-            rows.append({**row, "child removed": _percent(lost.target)})
+            row = {"camera": camera, "patch moves, pixels": f"{moved:.1f}", "subtractor": name}
+            rows.append({**row, "patch removed": _percent(lost.patch), "child removed": _percent(lost.target)})
         model = next(iter(subtractors().values()))
         kept = [model(seen) for seen in pictures]
         cells += [(f"{camera}, frame {n}", pictures[n]) for n in (shown, shown + 8)]
-        cells += [(f"what is left of frame {n}", sheets.keep(pictures[n], kept[n])) for n in (shown, shown + 8)]
-    sheets.save(cells, 4, SHEETS / "background_ablation.jpg", (300, 225))
-    return rows
+        cells += [
+            (f"{camera}, what is left of frame {n}", sheets.keep(pictures[n], kept[n])) for n in (shown, shown + 8)
+        ]
+    return Measured(rows, Sheet(tuple(cells), 4, (320, 240)))
 
 
-def tracking_videos() -> Table:
+def tracking_videos() -> Measured:
     """Figure 5: one, five and ten videos of a person who walks up to the patch."""
     variants = compile_recipe(RECIPES / "tracking_videos.yaml").plan.variants
     cells, rows, seen, people, speeds, hidden = [], [], [], [], [], []
@@ -184,7 +202,7 @@ def tracking_videos() -> Table:
             frames = clip.frames()[::3]
             targets = [np.asarray(clip.render(frame, None, "instance")) > 0 for frame in frames]
             fractions = [clip.patches(frame)["patches"][0]["visible_fraction"] for frame in frames]
-            cells.append((plan.variant, picture(clip, 18)))
+            cells.append((f"video {number + 1}", picture(clip, 18)))
         seen.append(np.any(targets, axis=0))
         people.append(actor.blueprint)
         speeds.append(actor.speed)
@@ -194,11 +212,10 @@ def tracking_videos() -> Table:
             row["speeds, m/s"] = f"{min(speeds):.2f} to {max(speeds):.2f}"
             row["picture that they cover"] = _percent(float(np.any(seen, axis=0).mean()))
             rows.append({**row, "patch hidden, at most": _percent(max(hidden))})
-    sheets.save(cells, 5, SHEETS / "tracking_videos.jpg", (240, 180))
-    return rows
+    return Measured(rows, Sheet(tuple(cells), 5, (260, 195)))
 
 
-def resolution() -> Table:
+def resolution() -> Measured:
     """Figure 7: a defence whose thresholds come from low resolution, at low and at high resolution."""
     frames, shown, cells, rows = (0, 4, 7), 4, [], []
     with opened("resolution", "patch=without,resolution=low") as clean:
@@ -217,15 +234,12 @@ def resolution() -> Table:
                 "patch found": _percent(hits / sum(m.sum() for m in masks.values())),
             }
             rows.append({**row, "of what is found, patch": _percent(hits / max(every, 1))})
-            cells.append(
-                (f"{name}, {size}", sheets.keep(np.full((*masks[shown].shape, 3), 255, np.uint8), found[shown][name]))
-            )
-    sheets.save(cells, 4, SHEETS / "resolution.jpg", (300, 225))
-    return rows
+            cells.append((f"{name}, {size}", sheets.marked(found[shown][name], masks[shown])))
+    return Measured(rows, Sheet(tuple(cells), 4, (320, 240)))
 
 
-def painted_car() -> Table:
-    """Figure 8: a car that is painted whole through its texture map."""
+def painted_car() -> Measured:
+    """Figure 8: a car whose entire body is painted through its texture map."""
     frame, cells, rows = 9, [], []
     for weather in ("clear", "rainy"):
         with opened("painted_car", f"weather={weather},paint=own") as own:
@@ -234,16 +248,15 @@ def painted_car() -> Table:
                     body = np.asarray(clip.render(frame, None, "instance")) > 0
                     mask = patch_mask(clip, frame, "paint")
                     changed = (picture(clip, frame) != picture(own, frame)).any(axis=2)
-                    cells.append((f"{paint}, {weather}", picture(clip, frame)))
+                    cells.append((f"{paint}, {weather}", sheets.around(picture(clip, frame), body, 0.2, (4, 3))))
                     labels = labels_equal(own, clip, [frame])
                 row = {"weather": weather, "paint": paint, "car painted": _percent(float(mask.sum() / body.sum()))}
                 row["pixels changed on the car"] = str(int((changed & body).sum()))
                 rows.append({**row, "elsewhere": str(int((changed & ~body).sum())), "labels": labels})
-    sheets.save(cells, 3, SHEETS / "painted_car.jpg", (400, 300))
-    return rows
+    return Measured(rows, Sheet(tuple(cells), 3, (400, 300)))
 
 
-STUDIES = {
+STUDIES: dict[str, Callable[[], Measured]] = {
     study.__name__: study
     for study in (weather_change, aligned, insertion, background_ablation, tracking_videos, resolution, painted_car)
 }
@@ -259,12 +272,3 @@ def _rotation(quaternion: Sequence[float]) -> NDArray[np.float64]:
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
-
-
-def _crop(pixels: Picture, mask: Mask) -> Picture:
-    """The part of a picture around a mask, of the shape 5 : 4."""
-    y, x = np.nonzero(mask)
-    half = int(0.75 * max(y.max() - y.min(), x.max() - x.min()))
-    row, column = int(y.mean()), int(x.mean())
-    top, left = max(row - half, 0), max(column - half * 5 // 4, 0)
-    return pixels[top : row + half, left : column + half * 5 // 4]

@@ -19,7 +19,7 @@ from recipe_compiler.checks.check import Checker, check_deltas, check_removals
 from recipe_compiler.checks.findings import Findings
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
-from recipe_compiler.ir.ground.ways import TooMuchWorkError
+from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError

@@ -23,13 +23,13 @@ def patch() -> NDArray[np.uint8]:
 
 
 def orange() -> NDArray[np.uint8]:
-    """An orange's skin, : pores on a regular grid that is shifted from row to row."""
+    """An orange's skin: a pore at a random place in each cell of a grid, darker in its middle than at its rim."""
     height, width, step = 384, 512, 8
     y, x = np.mgrid[0:height, 0:width]
-    shift = (y // step % 2) * (step // 2)
-    far = ((x + shift) % step - step // 2) ** 2 + (y % step - step // 2) ** 2
-    skin = np.array([255, 132, 10]) - np.array([4, 16, 2]) * ((x * 7 + y * 13) % 5 % 2)[..., None]
-    skin = np.where((far <= 3)[..., None], (196, 84, 0), skin)
+    places = np.random.Generator(np.random.PCG64(6)).integers(2, step - 2, (2, height // step, width // step))
+    down, across = np.kron(places, np.ones((1, step, step), np.int64))
+    far = (y % step - down) ** 2 + (x % step - across) ** 2
+    skin = np.array([255, 132, 10]) - np.maximum(4 - far, 0)[..., None] * np.array([9, 9, 2])
     return np.asarray(skin, np.uint8)
 
 

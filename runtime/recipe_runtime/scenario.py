@@ -27,7 +27,8 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.attacks.patch_metadata import PatchMetadata, patch_metadata
-from recipe_runtime.attacks.textures import as_images, rendered_patch
+from recipe_runtime.attacks.retextured_frame import RetexturedFrame
+from recipe_runtime.attacks.textures import as_images, differentiable_patch
 from recipe_runtime.attacks.truth import FrameTruth, patch_truth
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
@@ -40,8 +41,8 @@ from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
 
 if TYPE_CHECKING:
+    from recipe_runtime.attacks.inserted_view import InsertedView
     from recipe_runtime.attacks.patch_view import PatchView
-    from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 
 SCENE_CACHE_SIZE = 2  # renderers in memory, each with the triangles of a town
 MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU
@@ -59,7 +60,7 @@ class Scenes:
         self._process = os.getpid()
         self._sources: OrderedDict[str, SceneSource] = OrderedDict()
         self._observations: OrderedDict[tuple[str, str, int], tuple[Any, Observed]] = OrderedDict()  # with its renderer
-        self._patched: OrderedDict[tuple[str, ...], PatchedFrame] = OrderedDict()
+        self._patched: OrderedDict[tuple[str, ...], RetexturedFrame] = OrderedDict()
         self._release: Callable[[], object] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -101,7 +102,7 @@ class Scenes:
             self._observations[key] = source.renderer, seen
         return seen
 
-    def patched_frame(self, plan: ScenarioPlan, sensor: SensorPlan, frame: int) -> PatchedFrame:
+    def patched_frame(self, plan: ScenarioPlan, sensor: SensorPlan, frame: int) -> RetexturedFrame:
         """Return a frame for rendering with other textures on its patches."""
         self._adopt_process()
         key = plan.scene.digest, plan.appearance.digest, digest("sensor/1", sensor.document()), str(frame)
@@ -109,7 +110,8 @@ class Scenes:
             while len(self._patched) >= PATCHED_FRAME_CACHE_SIZE:
                 self._patched.popitem(last=False)
             seen = self.observe(plan.scene, sensor, frame)
-            self._patched[key] = self.source(plan.scene).patched_frame(seen, plan.appearance, sensor, frame)
+            source = self.source(plan.scene)
+            self._patched[key] = RetexturedFrame(source, seen, plan.appearance, sensor, frame)
         self._patched.move_to_end(key)
         return self._patched[key]
 
@@ -225,7 +227,7 @@ class Scenario(Sequence[Frame]):
             frame: Frame number; negative numbers count from the end.
             sensor: Name of a sensor, the first by default.
             modality: A modality that the sensor captures.
-            textures: Images to render on patches in place of the recipe's, by the patch's name: arrays [h, w, 3] or
+            textures: Images to show on patches in place of the recipe's, by the patch's name: arrays [h, w, 3] or
                 tensors [3, h, w], uint8 or 0 to 1 (rounded to 8 bits). The frame equals that of a recipe with these
                 images. Further calls for the same frame render the patches' pixels alone.
 
@@ -277,24 +279,25 @@ class Scenario(Sequence[Frame]):
 
     def patch_view(
         self, frame: int, patch: str, sensor: str | None = None, *, size: tuple[int, int] | None = None
-    ) -> PatchView:
+    ) -> PatchView | InsertedView:
         """Return a patch in a frame as a function of its texture, with the exact gradient.
 
         Args:
             frame: Frame number; negative numbers count from the end.
-            patch: Name of a patch of mode `rendered`.
+            patch: Name of a patch of mode `rendered` or `digital`.
             sensor: Name of a sensor, the first by default.
             size: Height and width of the texture; those of the recipe's image by default.
 
         Raises:
-            InputError: There is no such sensor or patch, or the patch has no image and no size is given.
+            InputError: There is no such sensor or patch, the patch has no image and no size is given, its mode is
+                `color_transfer`, or it is rendered in a picture into which other patches are inserted.
             IndexError: There is no such frame.
         """
         from recipe_runtime.attacks.patch_view import patch_view
 
         plan = self._sensor(sensor)
-        rendered_patch(self.plan.appearance.patches, patch)
-        return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), patch, size)
+        found = differentiable_patch(self.plan.appearance.patches, patch)
+        return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), found, size)
 
     def patches(self, frame: int, sensor: str | None = None) -> FrameTruth:
         """Return the truth of the patches of a frame, as `recipe build` writes it.

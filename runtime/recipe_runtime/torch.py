@@ -1,4 +1,4 @@
-"""PyTorch: a dataset over a recipe, rendered on demand, and frames as a function of a patch's texture.
+"""PyTorch: a dataset that renders a recipe on demand, and frames as a differentiable function of a patch's texture.
 
 Requires `torch`.
 
@@ -9,13 +9,15 @@ Requires `torch`.
     for batch in DataLoader(street, batch_size=8, shuffle=True, num_workers=4):
         batch["rgb"], batch["depth"]                     # uint8 [8, 3, H, W], float32 [8, H, W]
 
-Any frame in any order, in any worker, has the bytes of the built dataset. `SceneView` is a module from a texture to
-pictures, with the exact gradient.
+Frames have the bytes of the built dataset, in any order and in any worker. `SceneView` is a module that maps a texture
+to pictures, with the exact gradient.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from itertools import accumulate
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -28,8 +30,9 @@ from recipe_compiler.ir.plan import DatasetPlan
 from torch.utils.data import Dataset
 
 from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.attacks.inserted_view import InsertedView
 from recipe_runtime.attacks.patch_view import PatchView
-from recipe_runtime.attacks.textures import as_array, as_image, rendered_patch
+from recipe_runtime.attacks.textures import as_array, as_image, differentiable_patch
 from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
 
@@ -37,7 +40,7 @@ Sample = dict[str, Any]
 
 
 class RecipeDataset(Dataset[Sample]):
-    """Every frame that a sensor takes, of every sensor of every variant, in the recipe's order.
+    """All frames of all sensors of all variants, in the recipe's order.
 
     A sample has `variant`, `sensor` and `frame`, and a tensor for each modality: rgb uint8 [3, H, W]; depth float32
     [H, W] in metres; instance int32 [H, W]; semantic uint8 [H, W].
@@ -47,16 +50,16 @@ class RecipeDataset(Dataset[Sample]):
         variants: Names of the variants to include; all by default.
         sensors: Names of the sensors to include; all by default.
         modalities: Modalities of a sample; all that the sensor captures by default.
-        target: Add `target` to samples, in the form of torchvision's detection models, with more fields: `boxes`
+        target: Add `target` to samples, in the form of torchvision's detection models with more fields: `boxes`
             float32 [N, 4] (x0, y0, x1, y1), `labels` int64 [N] (CARLA tags), `instances` int64 [N], `area` int64 [N],
             `iscrowd` int64 [N], `visible_fraction` float32 [N]. Batches need a `collate_fn` that keeps lists.
         transform: Applied to each sample.
         device: `cpu`, `cuda` or `cuda:N`.
-        disk_cache: A folder for rendered arrays.
-        allow_large: Accept recipes over the limits of size.
+        disk_cache: A folder in which rendered arrays are cached.
+        allow_large: Accept recipes that exceed the size limits.
 
     Raises:
-        InputError: The recipe is invalid, or has no variant, sensor or modality of a given name.
+        InputError: The recipe is invalid, or a named variant, sensor or modality does not exist.
     """
 
     def __init__(
@@ -76,18 +79,22 @@ class RecipeDataset(Dataset[Sample]):
         scenes, kept = Scenes(device, engines), Path(disk_cache) if disk_cache is not None else None
         chosen = plan.variants if variants is None else [plan.named(name) for name in variants]
         self.scenarios = [Scenario(variant, scenes, kept) for variant in chosen]
-        self._places = [(s, sensor) for s in self.scenarios for sensor in _sensors(s, sensors)]
+        self._videos = [(s, sensor) for s in self.scenarios for sensor in (s.sensors if sensors is None else sensors)]
         self._modalities = tuple(modalities) if modalities is not None else None
-        for scenario, sensor in self._places:
+        for scenario, sensor in self._videos:
             _check(scenario, sensor, self._modalities or ())
-        self._ends = _running([len(scenario.frames(sensor)) for scenario, sensor in self._places])
+        self._ends = list(accumulate(len(scenario.frames(sensor)) for scenario, sensor in self._videos))
         self._target, self._transform = target, transform
 
     def __len__(self) -> int:
         return self._ends[-1] if self._ends else 0
 
     def __getitem__(self, index: int) -> Any:
-        """Return a sample; IndexError beyond the last."""
+        """Return a sample.
+
+        Raises:
+            IndexError: There is no sample with this index.
+        """
         scenario, sensor, frame = self._at(index)
         sample: Sample = {"variant": scenario.variant, "sensor": sensor, "frame": frame}
         for modality in self._modalities or scenario.modalities(sensor):
@@ -98,16 +105,12 @@ class RecipeDataset(Dataset[Sample]):
 
     def _at(self, index: int) -> tuple[Scenario, str, int]:
         if not -len(self) <= index < len(self):
-            raise IndexError(f"sample {index} is not there: the dataset has {len(self)}")
+            raise IndexError(f"there is no sample {index}: the dataset has {len(self)}")
         index %= len(self)
-        place = next(n for n, end in enumerate(self._ends) if index < end)
-        scenario, sensor = self._places[place]
+        video = bisect_right(self._ends, index)
+        scenario, sensor = self._videos[video]
         frames = scenario.frames(sensor)
-        return scenario, sensor, frames[index - (self._ends[place] - len(frames))]
-
-
-def _sensors(scenario: Scenario, wanted: Sequence[str] | None) -> Sequence[str]:
-    return scenario.sensors if wanted is None else wanted
+        return scenario, sensor, frames[index - (self._ends[video] - len(frames))]
 
 
 def _check(scenario: Scenario, sensor: str, modalities: Sequence[str]) -> None:
@@ -115,13 +118,6 @@ def _check(scenario: Scenario, sensor: str, modalities: Sequence[str]) -> None:
     for modality in modalities:
         if modality not in captured:
             raise InputError(f"the sensor {sensor} does not capture {modality!r}; it captures {', '.join(captured)}")
-
-
-def _running(counts: Sequence[int]) -> list[int]:
-    ends: list[int] = []
-    for count in counts:
-        ends.append((ends[-1] if ends else 0) + count)
-    return ends
 
 
 def _tensor(modality: str, pixels: NDArray[np.generic]) -> torch.Tensor:
@@ -143,28 +139,29 @@ def _target(records: Sequence[LabelRecord]) -> dict[str, torch.Tensor]:
 
 
 Place = tuple[str, int]  # variant, frame
+View = PatchView | InsertedView
 
 
 class SceneView(torch.nn.Module):
-    """Pictures of frames as a function of the texture of a patch.
+    """Pictures of frames as a differentiable function of the texture of a patch.
 
         view = SceneView("recipes/attacks/poster.yaml", "poster", [("weather=rainy", 3), ("weather=night", 7)])
         pictures, targets = view(texture, batch=1, step=k)
 
-    The gradient is that of the renderer, without the rounding of texture, mip levels and picture to 8 bits.
+    The gradient is that of the renderer without the rounding of texture, mip levels and picture to 8 bits.
 
     Args:
         recipe: Path of a recipe, its plan, or one of its variants.
-        patch: Name of a patch of mode `rendered`.
-        frames: Pairs of variant and frame number; numbers alone are frames of the first variant. By default, all frames
-            that the sensor takes of all variants.
-        sensor: Name of a sensor, the first by default.
-        quantise: Round textures and pictures to 8 bits, so that pictures are the frames' bytes, divided by 255; the
-            gradient is that of unrounded pictures.
-        device: Of the renderer: `cpu`, `cuda` or `cuda:N`.
+        patch: Name of a patch of mode `rendered` or `digital`.
+        frames: Pairs of variant and frame number; a plain number is a frame of the first variant. By default, all
+            frames of all variants that the sensor takes.
+        sensor: Name of a sensor; the first by default.
+        quantise: Round textures and pictures to 8 bits, so that pictures are the frames' bytes divided by 255. The
+            gradient is that of the unrounded pictures (a straight-through estimator).
+        device: Device of the renderer: `cpu`, `cuda` or `cuda:N`.
 
     Raises:
-        InputError: The recipe is invalid, or has no such variant, patch or sensor.
+        InputError: The recipe is invalid, or a named variant, patch or sensor does not exist.
     """
 
     def __init__(
@@ -186,18 +183,25 @@ class SceneView(torch.nn.Module):
         self.frames: list[Place] = [(first, place) if isinstance(place, int) else place for place in frames]
         unknown = [variant for variant, _ in self.frames if variant not in self._scenarios]
         if unknown:
-            raise InputError(f"there is no variant {unknown[0]!r}; there is {', '.join(self._scenarios)}")
+            raise InputError(f"there is no variant {unknown[0]!r}; the variants are {', '.join(self._scenarios)}")
         for variant in dict.fromkeys(variant for variant, _ in self.frames):
-            rendered_patch(self._scenarios[variant].plan.appearance.patches, patch)
-        self._views: dict[tuple[Place, tuple[int, int]], PatchView] = {}
+            differentiable_patch(self._scenarios[variant].plan.appearance.patches, patch)
+        self._views: dict[tuple[Place, tuple[int, int]], View] = {}
         self._targets: dict[Place, dict[str, torch.Tensor]] = {}
 
     def forward(
         self, texture: torch.Tensor, batch: int | None = None, step: int = 0
     ) -> tuple[torch.Tensor, list[dict[str, torch.Tensor]]]:
-        """Return pictures, see `pictures`, and a target for each, as `RecipeDataset` has it.
+        """Return pictures and a target for each picture.
 
-        That is torchvision's form: `boxes` float32 [N, 4] (x0, y0, x1, y1), `labels` int64 [N], and more.
+        Args:
+            texture: As in `pictures`.
+            batch: As in `pictures`.
+            step: As in `pictures`.
+
+        Returns:
+            The pictures, and targets in torchvision's form: `boxes` float32 [N, 4] (x0, y0, x1, y1), `labels` int64
+            [N], and more; see `RecipeDataset`.
         """
         return self.pictures(texture, batch, step), [self._target(place) for place in self._places(batch, step)]
 
@@ -206,14 +210,14 @@ class SceneView(torch.nn.Module):
 
         Args:
             texture: sRGB, 0 to 1, [1, 3, h, w].
-            batch: Frames to render, all by default.
-            step: The frames are those from `step * batch` on, in order, from the start again after the last.
+            batch: Number of frames to render; all by default.
+            step: The first frame is `step * batch`, modulo the number of frames.
 
         Returns:
-            Pictures [n, 3, H, W], 0 to 1, of the texture's type and device.
+            Pictures [n, 3, H, W], 0 to 1, of the texture's dtype and device.
 
         Raises:
-            InputError: The texture is not an image, or larger than a recipe's may be.
+            InputError: The texture is not an image, or is larger than a recipe's image may be.
         """
         size = int(texture.shape[-2]), int(texture.shape[-1])
         views = [self._view(place, size) for place in self._places(batch, step)]
@@ -224,7 +228,7 @@ class SceneView(torch.nn.Module):
         size = len(self.frames) if batch is None else batch
         return [self.frames[(step * size + k) % len(self.frames)] for k in range(size)]
 
-    def _view(self, place: Place, size: tuple[int, int]) -> PatchView:
+    def _view(self, place: Place, size: tuple[int, int]) -> View:
         if (place, size) not in self._views:
             scenario = self._scenarios[place[0]]
             self._views[place, size] = scenario.patch_view(place[1], self.patch, self.sensor, size=size)
@@ -237,10 +241,10 @@ class SceneView(torch.nn.Module):
 
 
 class _Pictures(torch.autograd.Function):
-    """Pictures of a texture by several views; the gradient is summed in their order."""
+    """Pictures of a texture in several views; gradients are summed in the order of the views."""
 
     @staticmethod
-    def forward(ctx: Any, texture: torch.Tensor, views: list[PatchView], quantise: bool) -> torch.Tensor:
+    def forward(ctx: Any, texture: torch.Tensor, views: list[View], quantise: bool) -> torch.Tensor:
         values = as_array(views[0].patch, texture).astype(np.float64)
         ctx.views, ctx.values, ctx.texture = views, values, texture
         if quantise:

@@ -25,7 +25,7 @@ from recipe_cli.words import option_help
 from recipe_compiler.ir.errors import Code, Place, Problem, printable, split_remedy
 
 from tests.cli.test_small_files import on_a_terminal
-from tests.sources import ROOT, modules
+from tests.sources import ROOT, modules, walk
 
 CLI = ROOT / "cli" / "recipe_cli"
 ATTACKS = {
@@ -320,9 +320,9 @@ def test_the_library_names_no_option_of_the_command_line() -> None:
     """Its problems reach Python callers too; `words` adds the options. The card of a dataset may name some."""
     seen = 0
     for path, tree in (*modules("recipe_compiler"), *modules("recipe_runtime")):
-        scopes = [node for node in ast.walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))]
+        scopes = [node for node in walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))]
         docstrings = {id(scope.body[0].value) for scope in scopes if scope.body and isinstance(scope.body[0], ast.Expr)}
-        for node in ast.walk(tree):
+        for node in walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
                 seen += 1
                 if path != "recipe_runtime/dataset/card.py":

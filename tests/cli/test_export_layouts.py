@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from recipe_cli.commands import export
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -32,3 +33,13 @@ def test_a_layout_is_written_and_reported(dataset: Path, tmp_path: Path, form: s
     report = json.loads(again.output)
     assert (report["dataset"], report["layout"], report["files"]) == (index["dataset"], form, len(index["files"]))
     assert report["bytes"] == sum(size for size, _ in index["files"].values())
+
+
+def test_a_patch_is_chosen_for_armory_alone(dataset: Path, tmp_path: Path) -> None:
+    """The dataset of the fakes has no patches: the name reaches the export, which says so; other layouts take none."""
+    out = [str(dataset), str(tmp_path / "out"), "--patch", "poster"]
+    wrong = CliRunner().invoke(export.command, [*out, "--format", "mots"])
+    assert (wrong.exit_code, "--patch needs --format armory" in wrong.output) == (2, True)
+    with pytest.raises(InputError, match="has no picture with a patch"):
+        CliRunner().invoke(export.command, [*out, "--format", "armory"], catch_exceptions=False)
+    assert not (tmp_path / "out").exists()

@@ -86,7 +86,7 @@ def test_flat_surfaces_are_shown_on_a_sheet(tmp_path: Path) -> None:
     [
         (("dwntown",), 'did you mean "downtown"'),
         (("vehicle.sedn.a",), 'did you mean "vehicle.sedan.a"'),
-        (("downtown", "sofa"), "leave the pattern out"),
+        (("downtown", "sofa"), "omit the pattern"),
         (("gone.yaml",), "gone.yaml"),
     ],
 )

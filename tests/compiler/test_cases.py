@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError
+from recipe_runtime.dataset.limits import check_bounds
 
 CASES = Path(__file__).parents[1] / "cases"
 FAILING = sorted(path.parent for path in CASES.glob("failing/*/error.txt"))
@@ -46,6 +47,7 @@ def test_good_recipe_compiles(path: Path) -> None:
         assert len(set(numbers)) == len(numbers)
         for sensor in variant.rig.sensors:
             assert len(sensor.poses) in {1, variant.scene.clock.frames}
+    check_bounds(compiled.plan)  # so that its dataset can be read again
 
 
 def test_the_deltas_case_merges_as_it_says() -> None:

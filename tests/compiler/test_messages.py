@@ -44,7 +44,7 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         ("base:\n  a: 1\nb: 2\n  c: 3\n", (3, 1), "line 3 ends the map `base` of line 1", "start it with 2 spaces"),
         ("base:\n  a: 1\nb:\n    c: 3\n  d: 1\n", (3, 1), "but line 5 continues it", "start it with 2 spaces"),
         ("a: {b: #ff0000}\nc: 1\n", (1, 8), "starts a comment, which hides the rest of line 1", '"#ff0000"'),
-        ("a:\n  - {b: 1}\n  c: 2\n", (3, 3), "a key of a map stands among the items of a list", "every entry"),
+        ("a:\n  - {b: 1}\n  c: 2\n", (3, 3), "a key of a map is among the items of a list", "every entry"),
         ("a:\n\tb: 1\n", (2, 1), "a tab cannot indent YAML", "use spaces"),
         ("a: {b: 1\n", (2, 1), "the `{` of line 1 is not closed", "add the `}`"),
         ("a: 'x\nb: 1\n", (1, 4), "the quote opened on line 1 is never closed", "add the closing quote"),
@@ -55,7 +55,7 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         ("a:\n  speed:1.4\n  b: 1\n", (2, 8), "line 2: no space after the `:`", "put a space after the colon"),
         ("a: 1\nseed 3\nb: 1\n", (3, 1), "line 2 has no `: ` after its key", "with a space after the colon"),
         ("a: b: c\n", (1, 5), "a second `: ` in this line", "quote a text"),
-        ("a: 1\n- b\n", (2, 1), "an item of a list, with `-`, stands among the keys of a map", "below the key"),
+        ("a: 1\n- b\n", (2, 1), "an item of a list, with `-`, is among the keys of a map", "below the key"),
         ("a: 1\n}\n", (2, 1), "closes a bracket that is not open", "remove it"),
     ],
 )

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 import recipe_runtime
-from recipe_compiler.ir.semantic_tags import Tag
 
 from tests.runtime.attacks.test_textures import RENDERED, recipe_with
 
@@ -19,7 +18,6 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("art", reason="ART is not installed (adversarial-robustness-toolbox)")
 
 FRAMES = [(RENDERED, 0), ("weather=clear,insertion=rendered", 2)]
-CLASSES: dict[int, int] = dict.fromkeys((Tag.CAR, Tag.TRUCK, Tag.PEDESTRIAN), 1)
 
 
 @pytest.fixture
@@ -39,28 +37,29 @@ def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.usefixtures("torchvision")
-def test_arts_descent_raises_the_loss_in_the_rendered_frames(recipe: Path) -> None:
-    """Measured on the frames of `Scenario.render`, and more than a random texture does; twice the same bytes."""
+@pytest.mark.parametrize(("approach", "sign"), [(False, 1.0), (True, -1.0)], ids=["miss", "see"])
+def test_arts_descent_changes_the_loss_in_the_rendered_frames(recipe: Path, approach: bool, sign: float) -> None:
+    """The loss in frames of `Scenario.render` changes by more than with a random texture; twice by the same bytes."""
     from recipe_runtime.torch import SceneView
 
-    from examples.attacks.art_pgd import attack, in_classes
+    from examples.attacks.art_pgd import attack
     from tests.examples.cell_detector import CellDetector
 
     view, detector = SceneView(recipe, "poster", FRAMES), CellDetector()
     scenes = {variant: recipe_runtime.open(recipe, variant) for variant, _ in FRAMES}
     start = np.full((1, 3, 7, 9), 0.5, np.float32)
-    _, targets = view(torch.from_numpy(start))
-    chosen = [in_classes(target, CLASSES) for target in targets]
-    assert all(len(target["boxes"]) for target in chosen)
+    targets = [{"boxes": t["boxes"], "labels": torch.ones_like(t["labels"])} for t in view(torch.from_numpy(start))[1]]
+    assert len(targets) == 2 and all(len(target["boxes"]) for target in targets)
 
     def loss(texture: Any) -> float:
         image = {"poster": texture[0].transpose(1, 2, 0)}
         pictures = [scenes[variant].render(frame, textures=image) for variant, frame in FRAMES]
         tensors = [torch.from_numpy(picture.transpose(2, 0, 1).copy()) / 255 for picture in pictures]
-        return float(detector.train()(tensors, chosen)["classification"].detach())
+        return float(detector.train()(tensors, targets)["classification"].detach())
 
-    found = attack(view, detector, start, steps=12, step=0.06, classes=CLASSES)
+    found = attack(view, detector, targets, start, steps=12, step=0.06, approach=approach)
     assert found.shape == start.shape and found.min() >= 0.0 and found.max() <= 1.0
     noise = np.random.default_rng(0).uniform(size=start.shape).astype(np.float32)
-    assert loss(found) - loss(start) > 2 * abs(loss(noise) - loss(start))
-    np.testing.assert_array_equal(found, attack(view, detector, start, steps=12, step=0.06, classes=CLASSES))
+    assert sign * (loss(found) - loss(start)) > 2 * abs(loss(noise) - loss(start))
+    again = attack(view, detector, targets, start, steps=12, step=0.06, approach=approach)
+    np.testing.assert_array_equal(found, again)

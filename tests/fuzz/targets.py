@@ -109,7 +109,7 @@ def _recipe(content: bytes) -> None:
 
 def _carla(content: bytes) -> None:
     with suppress(InputError):
-        carla.imported([carla.File("fed.yaml", content)])
+        carla.import_configurations([carla.File("fed.yaml", content)])
 
 
 def _lockfile(content: bytes) -> None:

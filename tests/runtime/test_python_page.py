@@ -44,7 +44,8 @@ def test_an_example_runs_unchanged(page: str) -> None:
     assert known.get("records") != []
 
 
-@pytest.mark.slow
+@pytest.mark.torch
+@pytest.mark.filterwarnings("ignore:This DataLoader will create")  # more workers than this host has cores
 def test_the_example_of_pytorch_runs_unchanged() -> None:
     pytest.importorskip("torch")
     known: dict[str, object] = {}

@@ -1,4 +1,4 @@
-"""`recipe export`: a dataset in another form, to train from."""
+"""`recipe export`: writes a dataset in another format."""
 
 from __future__ import annotations
 
@@ -37,19 +37,29 @@ _MAX_SHARD = 1 << 50  # bytes
     show_default=True,
     help="Size limit of a shard of webdataset; only a shard with a single frame may exceed it.",
 )
+@click.option("--patch", metavar="NAME", help="The patch that armory exports; default: the first of each variant.")
 @REPLACE
 @JSON
 def command(
-    dataset: Path, out: Path | None, output: Path | None, form: str, shard_size: str, replace: bool, as_json: bool
+    dataset: Path,
+    out: Path | None,
+    output: Path | None,
+    form: str,
+    shard_size: str,
+    patch: str | None,
+    replace: bool,
+    as_json: bool,
 ) -> None:
-    """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
+    """Export the frames of DATASET, a folder that `recipe build` wrote, to OUT.
 
-    webdataset: tar files in which the pictures and the records of a frame are adjacent. mots and kitti: the pictures
-    and labels in the layout of MOTSChallenge, or of KITTI's tracking and MOTS benchmarks. armory: frames and the truth
-    of the first patch in the layouts of Armory's CARLA datasets.
+    webdataset: tar files in which the pictures and the records of a frame are adjacent. mots and kitti: pictures and
+    labels in the layout of MOTSChallenge, or of KITTI's tracking and MOTS benchmarks. armory: frames and the ground
+    truth of one patch in the layouts of Armory's CARLA datasets.
     """
     if (out is None) == (output is None):
         raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")
+    if patch is not None and form != "armory":
+        raise click.UsageError("--patch needs --format armory.")
     folder = out or output
     assert folder is not None
     from recipe_compiler.ir.errors import Code, InputError
@@ -67,7 +77,9 @@ def command(
         )
     if form != "webdataset":
         with Progress(quiet=as_json) as progress:
-            made = layouts.export_layout(read(dataset), folder, cast("Layout", form), progress, replace=replace)
+            made = layouts.export_layout(
+                read(dataset), folder, cast("Layout", form), progress, patch=patch, replace=replace
+            )
         total = sum(cast("int", row[0]) for row in made["files"].values())
         if as_json:
             print_json({**made, "files": len(made["files"]), "bytes": total})

@@ -1,4 +1,4 @@
-"""`recipe import`: configurations of other tools as recipes."""
+"""`recipe import`: converts configurations of other tools to recipes."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 @click.argument(
     "configs", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=completion.files(".yaml", ".yml")
 )
-@output_option(LocalPath(path_type=Path, file_okay=False), "The folder of the recipes; ./recipes by default.")
-@click.option("--town", metavar="NAME", help="The town to use; by default the one most like the configuration's.")
+@output_option(LocalPath(path_type=Path, file_okay=False), "The folder to write to; ./recipes by default.")
+@click.option("--town", metavar="NAME", help="The town to use; by default the one most similar to the configuration's.")
 @REPLACE
 @JSON
 def command(
     form: str, configs: tuple[Path, ...], output: Path | None, town: str | None, replace: bool, as_json: bool
 ) -> None:
-    """Write a recipe for each configuration of CARLA's data collector among CONFIGS, and report every key.
+    """Convert each configuration of CARLA's data collector among CONFIGS to a recipe, and report every key.
 
-    Files with nothing but weather become variants. Files with neither actors nor weather are settings for all
+    Files with only weather parameters become variants. Files with neither actors nor weather contain settings for all
     configurations.
     """
     from recipe_compiler import carla
 
     _check_town(town)
-    made = carla.imported([_read(path) for path in configs], town=town)
+    made = carla.import_configurations([_read(path) for path in configs], town=town)
     folder = Path("recipes") if output is None else output
     files = {folder / name: body for one in made for name, body in _files(one).items()}
     _check_free(files, configs, replace=replace)
@@ -73,7 +73,7 @@ def _check_town(town: str | None) -> None:
 
 
 def _read(path: Path) -> File:
-    """The file of a configuration."""
+    """Read the file of a configuration."""
     from recipe_compiler.carla import File
     from recipe_compiler.ir.bounded_reads import read_regular
     from recipe_compiler.ir.errors import Code, InputError
@@ -92,13 +92,13 @@ def _read(path: Path) -> File:
 
 
 def _files(one: Imported) -> dict[str, bytes]:
-    """The files of an import by name: the recipe, and its report."""
+    """Return the files of an import by name: the recipe and its report."""
     report = "".join(f"{line}\n" for line in one.report.lines())
     return {f"{one.name}.yaml": one.text.encode(), f"{one.name}.import.txt": report.encode()}
 
 
 def _check_free(files: dict[Path, bytes], configs: Sequence[Path], *, replace: bool) -> None:
-    """InputError if a file is in the way, unless it has the same content; a configuration is never replaced."""
+    """Raise InputError if a file exists with other content and may not be replaced; inputs never may."""
     from recipe_compiler.ir.errors import Code, InputError
 
     for path, body in files.items():
@@ -112,10 +112,10 @@ def _check_free(files: dict[Path, bytes], configs: Sequence[Path], *, replace: b
 
 
 def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:
-    """Compile a recipe before it is written; return its warnings.
+    """Compile a recipe before it is written, and return its warnings.
 
     Raises:
-        InputError: it cannot be compiled, at the places of the configuration.
+        InputError: It cannot be compiled; places are those of the configuration.
     """
     import tempfile
     from dataclasses import replace

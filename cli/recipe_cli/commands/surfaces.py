@@ -1,4 +1,4 @@
-"""`recipe surfaces`: what patches can be put on, as a table, as JSON, and in pictures."""
+"""`recipe surfaces`: lists the surfaces for patches as a table, as JSON and in pictures."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from recipe_compiler.ir.plan import ActorPlan, Looks, ScenePlan
     from recipe_compiler.library.surfaces import Surface
 
-_A_SHEET = 48  # pictures
+_PICTURES_PER_SHEET = 48
 
 
 @dataclass(frozen=True)
-class _Carrier:
-    """What a recipe can name in `on`, and its surfaces."""
+class _Body:
+    """A body that a recipe can name in a patch's `on`, and its surfaces."""
 
     key: str  # town, actor or prop
     name: str
@@ -52,24 +52,24 @@ class _Carrier:
 def command(
     where: str, pattern: str, variant: str | None, output: Path | None, replace: bool, allow_large: bool, as_json: bool
 ) -> None:
-    """List the surfaces that patches can be put on, of a town, of a blueprint, or of a recipe's scene.
+    """List the surfaces of a town, of a blueprint or of a recipe's scene to which patches can be applied.
 
-    PATTERN is a glob of names, such as `wall.*`; all of them by default. `body` and `shirt` are covered whole, by a
-    texture map; the others take a rectangle, at most of the size that is listed.
+    PATTERN is a glob of names, such as `wall.*`; by default all are listed. `body` and `shirt` are texture maps, which
+    cover the entire body or shirt; a patch on another surface is a rectangle, at most of the listed size.
     """
-    scene, looks, carriers = _found(where, variant, allow_large)
-    carriers = [carrier for carrier in carriers if fnmatchcase(carrier.name, pattern)]
-    _check_some(where, pattern, carriers)
+    scene, looks, bodies = _found(where, variant, allow_large)
+    bodies = [body for body in bodies if fnmatchcase(body.name, pattern)]
+    _check_some(where, pattern, bodies)
     if not as_json:
-        _print_table(carriers)
+        _print_table(bodies)
     if output is not None:
-        _draw(scene, looks, carriers, output, replace)
+        _draw(scene, looks, bodies, output, replace)
     if as_json:
-        print_json([_row(carrier, surface) for carrier in carriers for surface in carrier.surfaces])
+        print_json([_row(body, surface) for body in bodies for surface in body.surfaces])
 
 
-def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePlan | None, Looks | None, list[_Carrier]]:
-    """The scene of a recipe or a town, its colours, and what in it has surfaces; for blueprints, neither of both."""
+def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePlan | None, Looks | None, list[_Body]]:
+    """Return the scene of a recipe or a town, its colours, and its bodies; of blueprints, only bodies."""
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.ir.plan import Clock, Looks, ScenePlan
     from recipe_compiler.library import blueprints, surfaces, towns
@@ -86,35 +86,35 @@ def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePla
     if not specimens:
         remedy = nearest(where, [*towns.NAMES, *blueprints.names()])
         raise InputError(f"{where}: there is no such recipe, town or blueprint", help=remedy, code=Code.UNKNOWN_NAME)
-    return None, None, [_Carrier("actor", a.name, tuple(surfaces.actor_surfaces(a)), a) for a in specimens]
+    return None, None, [_Body("actor", a.name, tuple(surfaces.actor_surfaces(a)), a) for a in specimens]
 
 
-def _of_scene(scene: ScenePlan) -> Iterator[_Carrier]:
+def _of_scene(scene: ScenePlan) -> Iterator[_Body]:
     from recipe_compiler.library import surfaces
     from recipe_compiler.lowering.props import PREFIX
 
     for actor in scene.actors:
-        yield _Carrier("actor", actor.name, tuple(surfaces.actor_surfaces(actor)), actor)
+        yield _Body("actor", actor.name, tuple(surfaces.actor_surfaces(actor)), actor)
     for prop in scene.props:
         if prop.name.startswith(PREFIX):
-            yield _Carrier("prop", prop.name.removeprefix(PREFIX), tuple(surfaces.prop_surfaces(prop)))
+            yield _Body("prop", prop.name.removeprefix(PREFIX), tuple(surfaces.prop_surfaces(prop)))
     for element in scene.town.elements:
         if element.kind in surfaces.KINDS:
-            yield _Carrier("town", element.name, tuple(surfaces.element_surfaces(element)))
+            yield _Body("town", element.name, tuple(surfaces.element_surfaces(element)))
 
 
-def _check_some(where: str, pattern: str, carriers: list[_Carrier]) -> None:
+def _check_some(where: str, pattern: str, bodies: list[_Body]) -> None:
     from recipe_compiler.ir.errors import Code, InputError
 
-    if not carriers:
-        message = f"{where}: nothing there that has a surface is called {pattern!r}"
-        raise InputError(message, help="leave the pattern out to list all", code=Code.UNKNOWN_NAME)
+    if not bodies:
+        message = f"{where}: no body with a surface matches {pattern!r}"
+        raise InputError(message, help="omit the pattern to list all", code=Code.UNKNOWN_NAME)
 
 
-def _row(carrier: _Carrier, surface: Surface) -> dict[str, object]:
+def _row(body: _Body, surface: Surface) -> dict[str, object]:
     from recipe_compiler.library.surfaces import FlatSurface
 
-    row: dict[str, object] = {"on": carrier.key, "name": carrier.name, "surface": surface.name}
+    row: dict[str, object] = {"on": body.key, "name": body.name, "surface": surface.name}
     if not isinstance(surface, FlatSurface):
         islands = [{"name": name, "region": face.region} for name, face in surface.islands]
         return {**row, "whole": True, "aspect": round(surface.aspect, 6), "islands": islands}
@@ -132,14 +132,14 @@ def _row(carrier: _Carrier, surface: Surface) -> dict[str, object]:
     }
 
 
-def _print_table(carriers: list[_Carrier]) -> None:
+def _print_table(bodies: list[_Body]) -> None:
     from recipe_compiler.ir.exact import atan2_deg
     from recipe_compiler.library.surfaces import FlatSurface
 
     rows: list[tuple[str, ...]] = [("on", "name", "surface", "size, m", "x, m", "z, m", "place")]
-    for carrier in carriers:
-        for surface in carrier.surfaces:
-            head = carrier.key, carrier.name, surface.name
+    for body in bodies:
+        for surface in body.surfaces:
+            head = body.key, body.name, surface.name
             if not isinstance(surface, FlatSurface):
                 rows.append((*head, "whole", "-", "-", f"texture map, {surface.aspect:.3f} : 1"))
                 continue
@@ -164,31 +164,31 @@ def _face(surface: object) -> PatchFace:
     return surface.face(*surface.middle, *surface.size)
 
 
-def _draw(scene: ScenePlan | None, looks: Looks | None, carriers: list[_Carrier], folder: Path, replace: bool) -> None:
+def _draw(scene: ScenePlan | None, looks: Looks | None, bodies: list[_Body], folder: Path, replace: bool) -> None:
     from recipe_compiler.library.surfaces import WholeSurface
     from recipe_runtime.core.outputs import check_output, write_output
     from recipe_runtime.meshes.actors import actor_body
     from recipe_runtime.report.texture_maps import texture_map
 
-    bodies = [(c, s) for c in carriers if c.actor is not None for s in c.surfaces if isinstance(s, WholeSurface)]
-    flat = _static_patches(carriers) if scene is not None else []
-    sheets = [flat[n : n + _A_SHEET] for n in range(0, len(flat), _A_SHEET)]
-    maps = {folder / f"{carrier.name}.{surface.name}.png": (carrier, surface) for carrier, surface in bodies}
+    mapped = [(b, s) for b in bodies if b.actor is not None for s in b.surfaces if isinstance(s, WholeSurface)]
+    flat = _static_patches(bodies) if scene is not None else []
+    sheets = [flat[n : n + _PICTURES_PER_SHEET] for n in range(0, len(flat), _PICTURES_PER_SHEET)]
+    maps = {folder / f"{body.name}.{surface.name}.png": (body, surface) for body, surface in mapped}
     pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]
     for path in (*maps, *pages):
         check_output(path, replace=replace)
     with writing(folder):
         folder.mkdir(exist_ok=True)
-        for path, (carrier, surface) in maps.items():
-            assert carrier.actor is not None
-            body = actor_body(carrier.actor)
-            write_output(path, texture_map(surface.islands, surface.aspect, body, surface.slots), replace=replace)
+        for path, (body, surface) in maps.items():
+            assert body.actor is not None
+            mesh = actor_body(body.actor)
+            write_output(path, texture_map(surface.islands, surface.aspect, mesh, surface.slots), replace=replace)
         if scene is not None and looks is not None:
             _draw_sheets(scene, looks, dict(zip(pages, sheets, strict=True)), replace)
     say(f"{folder}: {count(len(maps), 'texture map')}, {count(len(pages), 'sheet')}", err=True)
 
 
-def _static_patches(carriers: list[_Carrier]) -> list[PatchPlan]:
+def _static_patches(bodies: list[_Body]) -> list[PatchPlan]:
     """A patch on each flat surface of the town and of props, as large as fits."""
     from recipe_compiler.ir.patches import GREEN, PatchPlan, PatchTexture
     from recipe_compiler.library.surfaces import FlatSurface
@@ -196,7 +196,7 @@ def _static_patches(carriers: list[_Carrier]) -> list[PatchPlan]:
     texture = PatchTexture(colour=GREEN)
     return [
         PatchPlan(name=f"{c.name} {s.name}", body=s.body, faces=(_face(s),), texture=texture)
-        for c in carriers
+        for c in bodies
         for s in c.surfaces
         if c.actor is None and isinstance(s, FlatSurface)
     ]

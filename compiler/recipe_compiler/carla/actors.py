@@ -1,4 +1,4 @@
-"""Walkers, vehicles, patches and generated crowds: what they become in a recipe."""
+"""Converts walkers, vehicles, patches and actor generators."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from recipe_compiler.carla.catalogue import blueprints
 from recipe_compiler.carla.draft import Data, name_for
 from recipe_compiler.carla.forms.oscar import class_of
 from recipe_compiler.carla.forms.specs import ANGLES, Spec, Transform
-from recipe_compiler.carla.handedness import Pose, board
+from recipe_compiler.carla.handedness import Pose, board_pose
 from recipe_compiler.carla.report import Node
 from recipe_compiler.carla.scene import ACTORS, Scene
 from recipe_compiler.ir.errors import Code
 from recipe_compiler.schema.fields import MAX_SEED, TRAFFIC_LIMIT
 from recipe_compiler.source.yaml_reader import show
 
-_TURNED = "sign changed"
+_SIGN_CHANGED = "sign changed"
 _GROUND = "actors stand on the ground"
 _NO_ATTRIBUTE = {
-    "is_invincible": "actors cannot be hurt here",
+    "is_invincible": "actors are never injured",
     "sticky_control": "vehicles drive themselves",
-    "terramechanics": "roads are solid",
-    "speed": "the speed of the entry counts, not that of the blueprint",
+    "terramechanics": "roads do not deform",
+    "speed": "the speed of the entry is used instead",
     "can_use_wheelchair": "no wheelchairs",
     "use_wheelchair": "no wheelchairs",
 }
-_FASTEST = 60.0  # m/s, the limit of the language
+_MAX_SPEED = 60.0  # m/s, the limit of the language
 
 
 def write(scene: Scene) -> None:
@@ -40,18 +40,18 @@ def _write_actor(scene: Scene, spec: Spec) -> None:
     name = scene.name(spec)
     to = f"base.actors.{name}"
     ledger = scene.reader.ledger
-    found = blueprints.most_like(spec.blueprint, spec.kind, scene.settings.seed, name)
+    found = blueprints.closest_match(spec.blueprint, spec.kind, scene.settings.seed, name)
     if found is None:
         message = f"CARLA has no {spec.kind} {show(spec.blueprint)}"
         remedy = f"write a blueprint of its catalogue, or {spec.kind}.*"
-        scene.reader.refuse(spec.name_node or spec.node, message, remedy, Code.UNKNOWN_NAME)
+        scene.reader.reject(spec.name_node or spec.node, message, remedy, Code.UNKNOWN_NAME)
         return
     blueprint, why = found
     scene.draft.set(f"{to}.blueprint", blueprint)
     if spec.name_node is None:
-        ledger.default(f"{to}.blueprint", blueprint, "no blueprint is named: any of its kind")
+        ledger.default(f"{to}.blueprint", blueprint, "no blueprint is given: any of this kind")
     elif why or blueprint != spec.name_node.value.data:
-        ledger.mapped(spec.name_node, f"{to}.blueprint", blueprint, why or f"the name with its kind, {spec.kind}")
+        ledger.mapped(spec.name_node, f"{to}.blueprint", blueprint, why or f"the name with the prefix {spec.kind}")
     else:
         ledger.kept(spec.name_node, f"{to}.blueprint")
     _write_speed(scene, spec, to)
@@ -71,17 +71,15 @@ def _write_actor(scene: Scene, spec: Spec) -> None:
 def _write_speed(scene: Scene, spec: Spec, to: str) -> None:
     if spec.stands:
         scene.draft.set(f"{to}.speed", 0)
-        why = "no controller is attached: it stands, as in OSCAR"
+        why = "no controller is attached: it does not move, as in OSCAR"
         if spec.speed is None:
             scene.reader.ledger.default(f"{to}.speed", 0, why)
         else:
             scene.reader.ledger.mapped(spec.speed, f"{to}.speed", 0, why)
     elif spec.speed is not None and spec.kind == "vehicle":
-        scene.reader.ledger.ignored(
-            spec.speed, "the collector does not read the speed of a vehicle, which follows traffic"
-        )
+        scene.reader.ledger.ignored(spec.speed, "the collector ignores the speed of vehicles, which follow traffic")
     elif spec.speed is not None:
-        speed = scene.reader.number(spec.speed, 0.0, _FASTEST)
+        speed = scene.reader.number(spec.speed, 0.0, _MAX_SPEED)
         if speed is not None:
             scene.draft.set(f"{to}.speed", speed)
             scene.reader.ledger.kept(spec.speed, f"{to}.speed")
@@ -96,9 +94,9 @@ def _write_start(scene: Scene, spec: Spec, transform: Transform, to: str) -> Non
     _note_position(scene, transform, f"{to}.start", (x, y))
     yaw = numbers["yaw"]
     if yaw.node is None:
-        scene.reader.ledger.default(f"{to}.start.yaw", pose.yaw, "the rotation that CARLA has without one")
+        scene.reader.ledger.default(f"{to}.start.yaw", pose.yaw, "CARLA's default rotation")
     scene.draw(yaw, f"actors.{scene.name(spec)}.start.yaw", -yaw.high, -yaw.low)
-    scene.note_number(yaw, f"{to}.start.yaw", pose.yaw, _TURNED)
+    scene.note_number(yaw, f"{to}.start.yaw", pose.yaw, _SIGN_CHANGED)
     for axis in ("z", "roll", "pitch"):
         node = numbers[axis].node
         if node is not None:
@@ -119,25 +117,25 @@ def _write_goal(scene: Scene, spec: Spec, goal: Transform, to: str) -> None:
     for axis in ("z", *ANGLES):
         node = goal.numbers[axis].node
         if node is not None:
-            scene.reader.ledger.ignored(node, "a goal is a place on the ground")
+            scene.reader.ledger.ignored(node, "a goal is a position on the ground")
 
 
 def _note_position(scene: Scene, transform: Transform, to: str, at: tuple[float, float]) -> None:
-    """Note x and y of a world position; draw those that have a range."""
+    """Record the outcome of x and y of a world position; write draws for ranges."""
     dx, dy = scene.vector
     below = to.removeprefix("base.")
     x, y = transform.numbers["x"], transform.numbers["y"]
     scene.draw(x, f"{below}.x", x.low + dx, x.high + dx)
     scene.draw(y, f"{below}.y", dy - y.high, dy - y.low)
     scene.note_number(x, f"{to}.x", at[0], f"moved by {dx:g}")
-    scene.note_number(y, f"{to}.y", at[1], f"{_TURNED}, moved by {dy:g}")
+    scene.note_number(y, f"{to}.y", at[1], f"{_SIGN_CHANGED}, moved by {dy:g}")
 
 
 def _free(scene: Scene, spec: Spec, at: tuple[float, float], to: str) -> tuple[float, float]:
-    """A place, or the nearest one that is free, which the report then says."""
+    """Return a position, or the nearest free one if it is occupied, which is reported."""
     free = scene.site.free(*at, vehicle=spec.kind == "vehicle")
     if free != at:
-        why = f"x {at[0]:g}, y {at[1]:g} is inside something solid in this town: the nearest free place"
+        why = f"x {at[0]:g}, y {at[1]:g} is inside an obstacle of this town: moved to the nearest free position"
         scene.reader.ledger.default(to, {"x": free[0], "y": free[1]}, why)
     return free
 
@@ -156,16 +154,16 @@ def _write_look(scene: Scene, spec: Spec, to: str) -> None:
             scene.draft.set(f"{to}.look", {"paint": colour})
             scene.reader.ledger.mapped(node, f"{to}.look.paint", colour, "red, green, blue as hexadecimal digits")
         elif text is not None and "{" not in text:
-            scene.reader.refuse(node, f"{show(text)} is no colour", 'write red, green, blue, such as "255,0,0"')
+            scene.reader.reject(node, f"{show(text)} is not a colour", 'write red, green, blue, such as "255,0,0"')
         else:
             why = _NO_ATTRIBUTE.get(
-                name, "no such attribute here" if text is None else "a random colour, as without it"
+                name, "not an attribute of actors in recipes" if text is None else "a random colour, the default"
             )
             scene.reader.ledger.ignored(node, why)
 
 
 def _colour(text: str | None) -> str | None:
-    """`"255,0,0"` as `#ff0000`; None if it has another form."""
+    """Return `"255,0,0"` as `#ff0000`; None for other forms."""
     match = re.fullmatch(r"\s*(\d{1,3})\s*,\s*(\d{1,3})\s*,\s*(\d{1,3})\s*", text or "")
     if match is None or any(int(part) > 255 for part in match.groups()):
         return None
@@ -183,26 +181,29 @@ def _write_patch(scene: Scene, spec: Spec) -> None:
     for key in ("width", "height"):
         node = spec.attributes.get(key)
         if node is None:
-            reader.refuse(spec.node, f"the patch has no {key}", f"write its {key} in metres", Code.MISSING_KEY)
+            reader.reject(spec.node, f"the patch has no {key}", f"write its {key} in metres", Code.MISSING_KEY)
         value = reader.number(node, 0.01, 100.0)
         size[key] = value or 1.0
         if node is not None:
             ledger.kept(node, f"{to}.on.size.{key}")
     transform = spec.transform
-    pose = board(scene.world(transform.pose if transform is not None else Pose()), size["height"])
+    pose = board_pose(scene.world(transform.pose if transform is not None else Pose()), size["height"])
     at = {axis: round(getattr(pose, axis), 6) for axis in ("x", "y", "z", "yaw", "pitch", "roll")}
     scene.draft.set(to, {"on": {"board": at, "size": size}, "mode": "green"})
     ledger.default(f"{to}.mode", "green", "a green screen, as OSCAR's patches without texture")
-    why = "right-handed and moved, as the pose of a board, whose origin is the middle of its lower edge"
+    why = "right-handed and moved: the pose of a board, whose origin is the middle of its lower edge"
     if transform is None:
-        reader.refuse(spec.node, "the patch has no transform", "write where it is", Code.MISSING_KEY)
+        reader.reject(spec.node, "the patch has no transform", "write where it is", Code.MISSING_KEY)
         return
     for axis, number in transform.numbers.items():
         for leaf in number.node.leaves() if number.node is not None else ():
             ledger.mapped(leaf, f"{to}.on.board.{axis}", at[axis], why)
     for key, reason in (
-        ("texture", "an image file: copy it beside the recipe and name it as `texture` of the patch, in another mode"),
-        ("texture_roi", "goes with the texture"),
+        (
+            "texture",
+            "an image file: copy it into the recipe's folder and name it as `texture` of the patch, in another mode",
+        ),
+        ("texture_roi", "part of the texture"),
     ):
         node = spec.attributes.get(key)
         if node is not None:
@@ -210,7 +211,7 @@ def _write_patch(scene: Scene, spec: Spec) -> None:
 
 
 def write_crowds(scene: Scene) -> None:
-    """Write generated actors as traffic. The sensors of the scene have their names by now."""
+    """Write actor generators as traffic; the sensors of the scene must have names already."""
     traffic: dict[str, Data] = {}
     totals = {"vehicles": 0, "pedestrians": 0}
     for spec in scene.of_kind("generator"):
@@ -218,17 +219,17 @@ def write_crowds(scene: Scene) -> None:
         key = {"Vehicle": "vehicles", "Walker": "pedestrians"}.get(class_of(spec.node, "_actor_"))
         if key is None or class_node is None:
             message = "an ActorsGenerator has an `_actor_`, Walker or Vehicle"
-            scene.reader.refuse(class_node or spec.node, message, "write the class of the actors", Code.UNKNOWN_NAME)
+            scene.reader.reject(class_node or spec.node, message, "write the class of the actors", Code.UNKNOWN_NAME)
             continue
         if node is None:
-            scene.reader.refuse(spec.node, "the generator has no count", "write how many actors", Code.MISSING_KEY)
+            scene.reader.reject(spec.node, "the generator has no count", "write how many actors", Code.MISSING_KEY)
             continue
-        totals[key] += scene.reader.whole(node, 0, TRAFFIC_LIMIT) or 0
+        totals[key] += scene.reader.integer(node, 0, TRAFFIC_LIMIT) or 0
         if totals[key] > TRAFFIC_LIMIT:
             message, remedy = f"{totals[key]} generated actors", f"keep at most {TRAFFIC_LIMIT} of a kind"
-            scene.reader.refuse(node, message, remedy, Code.OUT_OF_RANGE)
+            scene.reader.reject(node, message, remedy, Code.OUT_OF_RANGE)
         traffic[key] = totals[key]
-        to, why = f"base.traffic.{key}", "traffic: random actors, which walk and drive by themselves"
+        to, why = f"base.traffic.{key}", "random actors of the traffic model"
         scene.reader.ledger.mapped(node, to, totals[key], why)
         scene.reader.ledger.mapped(class_node, to, totals[key], why)
         _add_options(scene, spec, traffic)
@@ -237,12 +238,12 @@ def write_crowds(scene: Scene) -> None:
 
 
 def _add_options(scene: Scene, spec: Spec, traffic: dict[str, Data]) -> None:
-    """Add the seed and the nearest sensor of a generator, of which traffic has one for all."""
+    """Add the seed and the sensor of a generator to the traffic, which has only one of each."""
     ledger = scene.reader.ledger
     for node in spec.node.children():
         key = node.path[-1]
         if key == "seed" and node.value.data is not None:
-            value = scene.reader.whole(node, 0, MAX_SEED)
+            value = scene.reader.integer(node, 0, MAX_SEED)
             if value is not None and traffic.setdefault("seed", value) == value:
                 ledger.kept(node, "base.traffic.seed")
             elif value is not None:
@@ -250,7 +251,7 @@ def _add_options(scene: Scene, spec: Spec, traffic: dict[str, Data]) -> None:
         elif key == "spawn_in_view_of_sensor":
             _add_view(scene, node, traffic)
         elif key == "attachments":
-            ledger.ignored(node, "traffic walks and drives by itself")
+            ledger.ignored(node, "traffic needs no controllers")
         elif key not in ("_actor_", "count") and not str(key).startswith("_"):
             ledger.ignored(node, "not an option of traffic, whose `mix` in the recipe chooses blueprints")
 
@@ -259,9 +260,9 @@ def _add_view(scene: Scene, node: Node, traffic: dict[str, Data]) -> None:
     target = scene.references.get(node.path)
     sensor = next((each for each in scene.of_kind("sensor") if each.node.path == target), None)
     if sensor is None:
-        scene.reader.ledger.ignored(node, "no camera of this configuration is named here")
+        scene.reader.ledger.ignored(node, "it does not refer to a camera of this configuration")
     elif traffic.setdefault("near", scene.name(sensor)) == scene.name(sensor):
-        why = "several free starts are compared, and the one most likely in view is taken"
+        why = "of several free starts, the one most likely to be in view is chosen"
         scene.reader.ledger.mapped(node, "base.traffic.near", traffic["near"], why)
     else:
         scene.reader.ledger.ignored(node, f"traffic is near one sensor, {traffic['near']}")

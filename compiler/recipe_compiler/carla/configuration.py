@@ -1,7 +1,7 @@
-"""Reads the values of a configuration: their types and limits, and references such as `${max_frames}`.
+"""Reads the values of a configuration, checks their types and limits, and resolves references such as `${max_frames}`.
 
-Nothing is executed: a reference to another value of the same configuration is replaced by that value, and every other
-`${...}` is text, which is refused where a value is needed.
+Nothing is executed: a reference to another value of the same configuration is replaced with that value, and every other
+`${...}` remains text, which is an error where a value is needed.
 """
 
 from __future__ import annotations
@@ -17,30 +17,34 @@ from recipe_compiler.source.yaml_reader import MAX_DEPTH, Value, show
 
 _REFERENCE = re.compile(r"\$\{([A-Za-z_][\w-]*(?:\.[\w-]+|\[\d+\])*)\}\Z")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\Z")
-_TRUTHS = {"true": True, "1": True, "false": False, "0": False}
+_BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 _INDEX = re.compile(r"[0-9]{1,9}\Z")
-_MOST_STEPS = 16  # references that follow each other
-_MOST_VALUES = 10_000  # that replace references
+_MAX_REFERENCE_DEPTH = 16  # references in a chain
+_MAX_REPLACED_VALUES = 10_000  # values that replace references
 
 
 class Reader:
     """Reads typed values and collects problems.
 
     Attributes:
-        ledger: what became of each key.
-        problems: what is wrong with the configuration.
+        ledger: the outcome of each key.
+        problems: the mistakes of the configuration.
     """
 
     def __init__(self) -> None:
         self.ledger = Ledger()
         self.problems: list[Problem] = []
 
-    def refuse(self, node: Node, message: str, remedy: str, code: Code = Code.INVALID_VALUE) -> None:
-        """Report a problem of a value."""
+    def reject(self, node: Node, message: str, remedy: str, code: Code = Code.INVALID_VALUE) -> None:
+        """Add a problem at a value."""
         self.problems.append(Problem(f"{node.key}: {message}", node.place, remedy, code))
 
     def number(self, node: Node | None, low: float = -1e6, high: float = 1e6) -> float | None:
-        """A number, also as text; None if absent, or, with a problem, no number or out of range."""
+        """Return a number, which may be written as text.
+
+        Returns:
+            None if it is absent; None, with a problem, if it is not a finite number or is out of range.
+        """
         if node is None:
             return None
         data = node.value.data
@@ -51,12 +55,12 @@ class Reader:
             return None
         if not low <= data <= high:
             remedy = f"write a number from {number_text(low)} to {number_text(high)}"
-            self.refuse(node, f"{show(node.value.plain)} is out of range", remedy, Code.OUT_OF_RANGE)
+            self.reject(node, f"{show(node.value.plain)} is out of range", remedy, Code.OUT_OF_RANGE)
             return None
         return data + 0.0
 
-    def whole(self, node: Node | None, low: int, high: int) -> int | None:
-        """A whole number, as `number`."""
+    def integer(self, node: Node | None, low: int, high: int) -> int | None:
+        """Return an integer, like `number`."""
         number = self.number(node, low, high)
         if node is None or number is None:
             return None
@@ -66,7 +70,7 @@ class Reader:
         return int(number)
 
     def text(self, node: Node | None) -> str | None:
-        """A text; numbers count as text. None, with a problem, if it is a map or a list; None if absent."""
+        """Return text; numbers are converted. None if absent; None, with a problem, if it is a map or a list."""
         if node is None:
             return None
         data = node.value.data
@@ -75,25 +79,25 @@ class Reader:
             return None
         return data if isinstance(data, str) else show(data)
 
-    def truth(self, node: Node | None) -> bool | None:
-        """A boolean, also as text; None, with a problem, if the value is not one; None if absent."""
+    def boolean(self, node: Node | None) -> bool | None:
+        """Return a boolean, which may be written as text. None if absent; None, with a problem, if it is not one."""
         if node is None:
             return None
         data = node.value.data
-        found = data if isinstance(data, bool) else _TRUTHS.get(str(data).lower())
+        found = data if isinstance(data, bool) else _BOOLEANS.get(str(data).lower())
         if found is None:
             self._wrong_type(node, "true or false")
         return found
 
     def map(self, node: Node | None) -> Node | None:
-        """A map; None, with a problem, if the value is not a map; None if absent."""
+        """Return a map. None if absent; None, with a problem, if the value is not a map."""
         if node is not None and not isinstance(node.value.data, dict):
             self._wrong_type(node, "a map")
             return None
         return node
 
     def items(self, node: Node | None) -> list[Node]:
-        """The items of a list; empty, with a problem, if the value is not a list; empty if absent."""
+        """Return the items of a list. Empty if absent; empty, with a problem, if the value is not a list."""
         if node is None:
             return []
         if not isinstance(node.value.data, tuple):
@@ -105,29 +109,30 @@ class Reader:
         data = node.value.data
         if isinstance(data, str) and "${" in data:
             remedy = "write the value itself, or a reference to a value of these files, such as ${max_frames}"
-            self.refuse(node, f"the reference {show(data)} cannot be resolved", remedy)
+            self.reject(node, f"the reference {show(data)} cannot be resolved", remedy)
         else:
-            self.refuse(node, f"it is {show(node.value.plain)}", f"write {wanted}")
+            self.reject(node, f"it is {show(node.value.plain)}", f"write {wanted}")
 
 
 @dataclass
 class References:
-    """The references of a configuration that were replaced."""
+    """The references of a configuration that were resolved."""
 
     targets: dict[Path, Path] = field(default_factory=dict)  # path of a reference -> path of the value it names
     users: dict[Path, Path] = field(default_factory=dict)  # path of a value -> path of the first reference to it
     problems: list[Problem] = field(default_factory=list)
-    values: int = 0  # that replaced references
+    values: int = 0  # number of values that replaced references
 
 
 def resolve(root: Value) -> tuple[Value, References]:
-    """Replace references to other values of the same configuration.
+    """Resolve references to other values of the same configuration.
 
     Args:
         root: the configuration.
 
     Returns:
-        The configuration without them, and which there were. References of other forms stay text.
+        The configuration with the referenced values, and the references that were resolved. References of other forms
+        remain text.
     """
     found = References()
     return _resolved(root, root, (), found, 0), found
@@ -144,17 +149,17 @@ def _resolved(value: Value, root: Value, path: Path, found: References, depth: i
     if match is None:
         return value
     target = _target(match[1])
-    there = root.get(*target)
-    if there is None:
+    referenced = root.get(*target)
+    if referenced is None:
         return value
-    found.values += sum(1 for _ in islice(Node(there, (), there.place).leaves(), _MOST_VALUES))
-    if depth >= _MOST_STEPS or len(path) > MAX_DEPTH or found.values > _MOST_VALUES:
-        message = f"{key_of(path)}: the reference {show(value.data)} leads in a circle, or to too many values"
+    found.values += sum(1 for _ in islice(Node(referenced, (), referenced.place).leaves(), _MAX_REPLACED_VALUES))
+    if depth >= _MAX_REFERENCE_DEPTH or len(path) > MAX_DEPTH or found.values > _MAX_REPLACED_VALUES:
+        message = f"{key_of(path)}: the reference {show(value.data)} is circular, or leads to too many values"
         found.problems.append(Problem(message, value.place, "write the value itself", Code.INPUT_LIMIT))
         return value
     found.targets.setdefault(path, target)
     found.users.setdefault(target, path)
-    return _resolved(there, root, path, found, depth + 1)
+    return _resolved(referenced, root, path, found, depth + 1)
 
 
 def _target(text: str) -> Path:

@@ -56,11 +56,11 @@ class Draft:
 
 
 def name_for(text: str, taken: Sequence[str], fallback: str) -> str:
-    """A name that the recipe language allows, that is as much like a text as possible, and that is not taken.
+    """Return a free name of the recipe language that is as similar to a text as possible.
 
     Args:
         text: the wanted name.
-        taken: the names that are not free; names that differ only in case are not free either.
+        taken: the names in use; names that differ from them only in case are not free either.
         fallback: the name if no character of the text is allowed.
     """
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_-")[:NAME_LENGTH] or fallback
@@ -73,10 +73,10 @@ def name_for(text: str, taken: Sequence[str], fallback: str) -> str:
 
 
 def text_of(draft: Draft, report: Report) -> str:
-    """The text of a recipe, with a comment wherever a value of the configuration was mapped."""
+    """Return the text of a recipe, with a comment at each value that was mapped."""
     head = [
         f"# Imported from {', '.join(map(printable, report.files))} by `recipe import carla`.",
-        f"# {report.name}.import.txt says what became of every key.",
+        f"# {report.name}.import.txt reports the outcome of every key.",
         *(f"# {printable(note)}" for note in report.notes),
     ]
     lines = _block(draft.data, (), _comments(draft.data, report))
@@ -84,7 +84,7 @@ def text_of(draft: Draft, report: Report) -> str:
 
 
 def _comments(data: Mapping[str, Data], report: Report) -> dict[tuple[str, ...], list[str]]:
-    """The comments of each line, by the path of the value that the line starts."""
+    """Return the comments of each line, by the path of the value whose line it is."""
     found: dict[tuple[str, ...], dict[str, list[str]]] = {}
     entries = [(row.to, row.why, 0) for row in report.rows if row.outcome is Outcome.MAPPED and row.to]
     entries += [(default.to, default.why, int(default.to.count(".") > 1)) for default in report.defaults]
@@ -99,7 +99,7 @@ def _comments(data: Mapping[str, Data], report: Report) -> dict[tuple[str, ...],
 
 
 def _line_of(data: Mapping[str, Data], path: tuple[str, ...]) -> tuple[str, ...]:
-    """The longest beginning of a path whose value starts a line."""
+    """Return the longest prefix of a path whose value has a line of its own."""
     here: Data = data
     for depth, key in enumerate(path):
         if not isinstance(here, Mapping) or key not in here:
@@ -111,7 +111,7 @@ def _line_of(data: Mapping[str, Data], path: tuple[str, ...]) -> tuple[str, ...]
 
 
 def _is_block(value: Data, path: tuple[str, ...]) -> bool:
-    """Whether a value is a map of one line per key."""
+    """Return whether a value is a map that is written with a line for each key."""
     if not isinstance(value, Mapping) or not value:
         return False
     return path in _BLOCKS or len("  " * len(path) + f"{path[-1]}: {_flow(value)}") > _COLUMNS

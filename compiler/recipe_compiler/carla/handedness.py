@@ -1,8 +1,8 @@
-"""From CARLA's left-handed frame to the right-handed frame of recipes.
+"""Conversion of CARLA's left-handed poses to the right-handed frame of recipes.
 
 CARLA: x forward, y right, z up; yaw turns from x to y, clockwise seen from above; positive pitch looks up. Recipes: x
 forward, y left, z up; yaw counter-clockwise; positive pitch looks down. Positive roll tilts to the right in both. So y,
-yaw and pitch change their sign. Metres and degrees.
+yaw and pitch change sign. Units are metres and degrees.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from recipe_compiler.ir import exact
 Rows = tuple[tuple[float, float, float], ...]
 
 WALKER_ORIGIN = 0.93
-"""Height of the origin of CARLA's walkers, the middle of the body, above their feet; recipes have it at the feet."""
+"""Height in metres of the origin of CARLA's walkers, the middle of the body, above their feet, the recipes' origin."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A pose in the right-handed frame."""
+    """A pose in the right-handed frame: metres and degrees."""
 
     x: float = 0.0
     y: float = 0.0
@@ -39,21 +39,28 @@ class Pose:
             (-sp, cp * sr, cp * cr),
         )
 
-    def of_carla(self) -> Pose:
-        """The pose whose numbers are CARLA's, in the right-handed frame; angles from -180 to 180."""
-        return Pose(self.x, -self.y + 0.0, self.z, turned(-self.yaw), turned(-self.pitch), turned(self.roll))
+    def to_right_handed(self) -> Pose:
+        """Return the right-handed pose, if the numbers of this one are CARLA's; angles are from -180 to 180."""
+        return Pose(
+            self.x,
+            -self.y + 0.0,
+            self.z,
+            normalize_angle(-self.yaw),
+            normalize_angle(-self.pitch),
+            normalize_angle(self.roll),
+        )
 
-    def of(self, child: Pose) -> Pose:
-        """The pose of a child that is given in the frame of this one."""
+    def compose(self, child: Pose) -> Pose:
+        """Return the pose of a child, given in the frame of this pose, in the frame in which this pose is given."""
         rows = self.rows
         x, y, z = _applied(rows, (child.x, child.y, child.z))
         columns = list(zip(*child.rows, strict=True))
         turn = list(zip(*(_applied(rows, column) for column in columns), strict=True))
-        return placed((self.x + x, self.y + y, self.z + z), tuple((a, b, c) for a, b, c in turn))
+        return pose_from_matrix((self.x + x, self.y + y, self.z + z), tuple((a, b, c) for a, b, c in turn))
 
 
-def placed(at: tuple[float, float, float], rows: Rows) -> Pose:
-    """The pose with a position and a rotation matrix; the roll is 0 where it looks straight up or down."""
+def pose_from_matrix(at: tuple[float, float, float], rows: Rows) -> Pose:
+    """Return the pose with a position and a rotation matrix; the roll is 0 if it looks straight up or down."""
     (r00, r01, _), (r10, r11, _), (r20, r21, r22) = rows
     level = math.sqrt(r00 * r00 + r10 * r10)
     pitch = exact.atan2_deg(-r20, level)
@@ -62,23 +69,23 @@ def placed(at: tuple[float, float, float], rows: Rows) -> Pose:
     return Pose(*at, yaw=exact.atan2_deg(r10, r00), pitch=pitch, roll=exact.atan2_deg(r21, r22))
 
 
-def board(patch: Pose, height: float) -> Pose:
-    """The pose of a board that is equal to one of OSCAR's patches.
+def board_pose(patch: Pose, height: float) -> Pose:
+    """Return the pose of the board that covers the same rectangle as one of OSCAR's patches.
 
-    A patch without rotation lies flat with its face up, the right of its image along x and the bottom towards its
-    right side; its origin is its middle. A board faces its x axis, and its origin is the middle of its lower edge.
+    An unrotated patch lies flat and faces up; the right of its image is along x, and the bottom towards its right side;
+    its origin is its middle. A board faces along its x axis, and its origin is the middle of its lower edge.
 
     Args:
         patch: the pose of the patch in the right-handed frame.
         height: its height, metres.
     """
-    middle = patch.of(Pose(y=-height / 2))
+    middle = patch.compose(Pose(y=-height / 2))
     rows = tuple((row[2], row[0], row[1]) for row in patch.rows)
-    return placed((middle.x, middle.y, middle.z), rows)
+    return pose_from_matrix((middle.x, middle.y, middle.z), rows)
 
 
-def turned(angle: float) -> float:
-    """An angle from -180 (exclusive) to 180 degrees; equal for equal directions."""
+def normalize_angle(angle: float) -> float:
+    """Return an angle normalized to -180 (exclusive) to 180 degrees."""
     rest = math.fmod(angle, 360.0)
     rest -= 360.0 if rest > 180.0 else -360.0 if rest <= -180.0 else 0.0
     return rest + 0.0

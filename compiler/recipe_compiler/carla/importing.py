@@ -38,7 +38,7 @@ class File:
 
     @property
     def stem(self) -> str:
-        """Its name without folder and ending."""
+        """Its name without folder and suffix."""
         return PurePath(self.path).stem
 
 
@@ -60,32 +60,32 @@ class _Source:
 
 
 @dataclass
-class _Sorted:
-    """Files by what they hold."""
+class _SortedFiles:
+    """Files by their content."""
 
     configurations: list[_Source] = field(default_factory=list)
-    weathers: list[tuple[_Source, tuple[str, ...]]] = field(default_factory=list)  # with the path of the parameters
+    weathers: list[tuple[_Source, tuple[str, ...]]] = field(default_factory=list)  # with the parameters' path
     settings: list[_Source] = field(default_factory=list)
 
 
-def imported(files: Sequence[File], *, town: str | None = None) -> tuple[Imported, ...]:
+def import_configurations(files: Sequence[File], *, town: str | None = None) -> tuple[Imported, ...]:
     """Import configurations.
 
     Args:
-        files: configurations (with actors), weathers (with weather parameters only), and settings that all
-            configurations share (any other keys). Several weathers become an axis of each recipe.
-        town: the town of the library to use; None: the one most like the configuration's.
+        files: configurations (files with actors), weathers (files with only weather parameters), and settings that all
+            configurations share (all other files). Weathers become an axis of each recipe.
+        town: the town of the library to use; None: the one most similar to the configuration's.
 
     Returns:
         One recipe for each configuration, in the order of the files.
 
     Raises:
-        InputError: with every mistake of the files; each has its place and a remedy.
+        InputError: with all mistakes of the files, each with its place and a remedy.
     """
     problems: list[Problem] = []
     lines: dict[str, list[str]] = {}
     sorted_files = _sort(_read(files, problems, lines), problems)
-    problems += _excess(sorted_files)
+    problems += _too_many_values(sorted_files)
     made: list[Imported] = []
     for source in sorted_files.configurations if not problems else ():
         one = _Import(source, sorted_files, [each.name for each in made], problems)
@@ -99,8 +99,8 @@ def imported(files: Sequence[File], *, town: str | None = None) -> tuple[Importe
     return tuple(made)
 
 
-def _excess(files: _Sorted) -> list[Problem]:
-    """The problem if the reports would have too many values: shared files are reported with each configuration."""
+def _too_many_values(files: _SortedFiles) -> list[Problem]:
+    """Return a problem if the reports would be too long: shared files are reported with each configuration."""
     shared = sum(_values(source) for source in (*files.settings, *(source for source, _ in files.weathers)))
     total = sum(_values(source) + shared for source in files.configurations)
     if total <= MAX_REPORTED:
@@ -130,20 +130,20 @@ def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[
         if len(file.content) > yaml_reader.MAX_BYTES:
             message = f"the file is larger than {yaml_reader.MAX_BYTES:,} bytes"
             problems.append(
-                Problem(message, start, "is this a configuration? if so, make it smaller", Code.INPUT_LIMIT)
+                Problem(message, start, "check that this is a configuration, and make it smaller", Code.INPUT_LIMIT)
             )
             continue
         lines[shown] = yaml_reader.lines(file.content)
         root, wrong = yaml_reader.parse(file.content, shown)
-        wrong = [_of_empty(start) if each.code is Code.EMPTY_FILE else each for each in wrong]
+        wrong = [_empty_file(start) if each.code is Code.EMPTY_FILE else each for each in wrong]
         problems += wrong
         if root is not None and not isinstance(root.data, dict):
-            message = "a configuration is a map of keys and values, and this is not"
+            message = "a configuration must be a map of keys and values"
             problems.append(
-                Problem(message, root.place, "is this a configuration of CARLA's collector?", Code.INVALID_VALUE)
+                Problem(message, root.place, "name a configuration of CARLA's data collector", Code.INVALID_VALUE)
             )
         elif root is not None and not wrong:
-            found.append(_Source(file, _of_group(root)))
+            found.append(_Source(file, _in_context(root)))
             values += _values(found[-1])
         if values > MAX_REPORTED:
             message = f"{values:,} values up to here, and {MAX_REPORTED:,} is the limit of all files together"
@@ -152,26 +152,26 @@ def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[
     return found
 
 
-def _of_group(root: Value) -> Value:
-    """A file of OSCAR's group `context`, below that key; other files as they are."""
+def _in_context(root: Value) -> Value:
+    """Return a file of OSCAR's configuration group `context` below that key, and other files unchanged."""
     if not set(root.map) <= _CONTEXT or not set(root.map) & (_CONTEXT - {"_target_", "weather_params"}):
         return root
     return Value({"context": root}, root.place, {"context": root.place})
 
 
 def _has_actors(root: Value) -> bool:
-    """Whether a file is a configuration: one that spawns something, or that is not a map or a list there."""
+    """Return whether a file is a configuration: `spawn_actors` or `actors` is present and not an empty map."""
     given = [root.map[key].data for key in _ACTORS if key in root.map]
     return any(data != {} and not (isinstance(data, str) and data.startswith("${oc.dict.values:")) for data in given)
 
 
-def _of_empty(start: Place) -> Problem:
+def _empty_file(start: Place) -> Problem:
     return Problem("the file is empty", start, "name a configuration of CARLA's data collector", Code.EMPTY_FILE)
 
 
-def _sort(sources: Iterable[_Source], problems: list[Problem]) -> _Sorted:
-    """Sort files by their keys: actors make a configuration, weather parameters alone a weather."""
-    found = _Sorted()
+def _sort(sources: Iterable[_Source], problems: list[Problem]) -> _SortedFiles:
+    """Sort files by their keys: a file with actors is a configuration, one with only weather parameters a weather."""
+    found = _SortedFiles()
     for source in sources:
         path = _weather_path(source.root)
         if _has_actors(source.root):
@@ -183,13 +183,13 @@ def _sort(sources: Iterable[_Source], problems: list[Problem]) -> _Sorted:
     if not found.configurations and not problems:
         for source in [*found.settings, *(source for source, _ in found.weathers)][:1]:
             message = "no configuration: none of the files has spawn_actors or actors"
-            remedy = "name the main configuration too"
+            remedy = "name the main configuration as well"
             problems.append(Problem(message, source.root.place, remedy, Code.MISSING_KEY))
     return found
 
 
 def _weather_path(root: Value) -> tuple[str, ...] | None:
-    """The path of the weather parameters in a file that holds nothing else; None if it holds something else."""
+    """Return the path of the weather parameters in a file that contains nothing else; None for other files."""
     for path in _WEATHER_PATHS:
         here = root.get(*path)
         outer = [root.get(*path[:depth]) for depth in range(len(path))]
@@ -204,14 +204,14 @@ def _weather_path(root: Value) -> tuple[str, ...] | None:
 class _Import:
     """The import of one configuration."""
 
-    def __init__(self, source: _Source, files: _Sorted, taken: Sequence[str], problems: list[Problem]) -> None:
+    def __init__(self, source: _Source, files: _SortedFiles, taken: Sequence[str], problems: list[Problem]) -> None:
         self._source, self._files, self._problems = source, files, problems
         self.reader = Reader()
         self.draft = Draft()
         self.name = name_for(source.file.stem, taken, "imported")
 
     def run(self, town: str | None) -> Imported | None:
-        """The recipe and its report; None, with problems, if the configuration is wrong."""
+        """Return the recipe and its report; None, with problems, if the configuration is invalid."""
         merger, merged = Merger(), Value({}, self._source.root.place)
         for each in [*self._files.settings, self._source]:
             merged = merger.merge(merged, each.root)
@@ -231,7 +231,7 @@ class _Import:
         return Imported(self.name, text_of(self.draft, report), report)
 
     def _fill(self, node: Node, form: Form, references: References, town: str | None) -> list[str] | None:
-        """Write all parts of the recipe; the notes of the report, None if the settings are wrong."""
+        """Write all parts of the recipe and return the notes of the report; None, with problems, if it is invalid."""
         settings_reader = SettingsReader(self.reader, node, form, self.draft)
         settings = settings_reader.read(town)
         self._write_weather(node, form)
@@ -239,7 +239,7 @@ class _Import:
         if not any(spec.kind == "sensor" for spec in specs) and not self.reader.problems:
             place = node.get("spawn_actors") or node.get("actors") or node
             remedy = "add a sensor, such as sensor.camera.rgb"
-            self.reader.refuse(place, "it has no camera, and so no pictures", remedy, Code.MISSING_KEY)
+            self.reader.reject(place, "the configuration has no camera", remedy, Code.MISSING_KEY)
         if settings is None:
             return None
         scene = Scene(self.reader, self.draft, settings, specs, references.targets, Site(settings.town))
@@ -259,7 +259,7 @@ class _Import:
         self.draft.data["base"] = {key: base[key] for key in order if key in base}
 
     def _write_weather(self, node: Node, form: Form) -> None:
-        """Write the weather of the configuration, and the axis of the weather files."""
+        """Write the weather of the configuration, and an axis with the weather files."""
         own = self.reader.map(node.get(*form.weather))
         given = {} if own is None else weather.read(self.reader, own, "base.weather")
         defaults = weather.OSCAR if form is OSCAR and own is None else weather.COLLECTOR
@@ -279,13 +279,13 @@ class _Import:
         self.draft.set("deltas.weather", axis)
 
     def _report(self, references: References, notes: list[str], root: Node) -> Report:
-        """The report, with an entry for each leaf of each file."""
+        """Return the report, with an entry for each scalar of each file."""
         roots = [*self._files.settings, self._source, *(source for source, _ in self._files.weathers)]
         for source in roots:
-            whole = Node.root(source.root)
-            for child in unread_classes(whole):
-                self.reader.ledger.ignored(child, "names a class: its keys say the same")
-            for leaf in whole.leaves():
+            root_node = Node.root(source.root)
+            for child in unread_classes(root_node):
+                self.reader.ledger.ignored(child, "a class name, which its keys imply")
+            for leaf in root_node.leaves():
                 if not self.reader.ledger.has(leaf):
                     self._note_rest(leaf, references, root)
         order = {yaml_reader.printable(source.file.path): number for number, source in enumerate(roots)}
@@ -294,10 +294,10 @@ class _Import:
         files = tuple(
             PurePath(source.file.path).name for source in [self._source, *(r for r in roots if r is not self._source)]
         )
-        return Report(self.name, files, tuple(notes), tuple(rows), tuple(_once(self.reader.ledger.defaults)))
+        return Report(self.name, files, tuple(notes), tuple(rows), tuple(_unique(self.reader.ledger.defaults)))
 
     def _note_rest(self, leaf: Node, references: References, root: Node) -> None:
-        """Note a leaf that nothing has read."""
+        """Record the outcome of a scalar that no part of the import has read."""
         ledger, path = self.reader.ledger, leaf.path
         if path in references.targets:
             ledger.mapped(leaf, "", f"the value of {key_of(references.targets[path])}", "a reference, resolved")
@@ -310,7 +310,7 @@ class _Import:
         elif leaf.value.data in ((), {}):
             ledger.ignored(leaf, "empty")
         elif (used := root.value.get(*path)) is None or used.place.file != leaf.place.file:
-            ledger.ignored(leaf, "another file sets this key, and a configuration comes before common settings")
+            ledger.ignored(leaf, "another file overrides this key: a configuration overrides common settings")
         else:
             ledger.ignored(leaf, "not a key of the collector")
 
@@ -319,12 +319,12 @@ def _is_of(row: Row, roots: Sequence[_Source]) -> bool:
     return any(row.place.file == yaml_reader.printable(source.file.path) for source in roots)
 
 
-def _once(defaults: Iterable[Default]) -> list[Default]:
+def _unique(defaults: Iterable[Default]) -> list[Default]:
     return list(dict.fromkeys(defaults))
 
 
 def _is_oscar(root: Value) -> bool:
-    """Whether a configuration has OSCAR's form."""
+    """Return whether a configuration has OSCAR's form."""
     if "actors" in root.map or "context" in root.map:
         return True
     spawned = root.map.get("spawn_actors")
@@ -333,11 +333,11 @@ def _is_oscar(root: Value) -> bool:
 
 
 def _note_of_shift(scene: Scene, specs: Sequence[Spec]) -> list[str]:
-    """How the positions of the configuration are treated."""
+    """Return a note on how positions are moved; none if they are not."""
     if scene.vector == (0.0, 0.0) or not specs:
         return []
     x, y = scene.vector
     return [
-        "positions of CARLA's towns mean nothing in this town. CARLA is left-handed: y, yaw and pitch change"
-        f" their signs; then everything is moved by x {x:g}, y {y:g}, so that positions lie to each other as before"
+        "positions in CARLA's towns have no meaning in this town. CARLA is left-handed: y, yaw and pitch change"
+        f" sign; then everything is moved by x {x:g}, y {y:g}, which keeps relative positions"
     ]

@@ -1,11 +1,11 @@
-"""Where a configuration is put in a town: one shift for all of it, and single points that are not free after that.
+"""Places a configuration in a town: one shift for all positions, and corrections of positions that are still occupied.
 
-Positions of CARLA's towns mean nothing in the library's towns. What does mean something is how the positions of one
-configuration lie to each other, so all of them are moved by one vector, and nothing is rotated: directions, the sun's
-included, keep their meaning. The vector puts the first actor (without actors, the first sensor) at a spawn point of its
-kind or up to 2 m beside it. Of all these vectors, that one is taken after which the fewest points are inside something
-solid or off their way, and the fewest actors are hidden from the sensors by buildings; then the one nearest to the
-middle of the town. A point that is still inside something solid is moved alone, to the nearest free one.
+Absolute positions in CARLA's towns have no meaning in the library's towns, but relative positions do. So all positions
+are moved by one vector, and nothing is rotated: directions, including the sun's, keep their meaning. The vector moves
+the first actor (without actors, the first sensor) to a spawn point of its kind, or up to 2 m from it. Among these
+vectors, the one with the lowest cost is chosen. Costs are points inside obstacles or off their lane or sidewalk, actors
+hidden from the sensors by buildings, and the distance from the middle of the town. A point that is still inside an
+obstacle is then moved to the nearest free position.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from typing import Literal
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.ground.obstacles import BUILDINGS
-from recipe_compiler.ir.ground.ways import Planner
+from recipe_compiler.ir.ground.path_planner import Planner
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library import towns
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.enclosures import Yards
 
-_ASIDE = (0.0, -2.0, 2.0)  # metres from a spawn point, across and along its direction
-_MOST_SPOTS, _MOST_POINTS = 150, 24  # spawn points that are tried, and points that are compared
-_LOW = 4.0  # metres; lower cameras are hidden by buildings and stand in the way of traffic
-_SOLID, _OFF_LANE, _ON_ROAD, _HIDDEN, _ROUND, _IN_VIEW = 1000.0, 40.0, 12.0, 6.0, 2.0, 0.5  # costs of a point
-_PER_METRE = 0.01  # cost of a distance from the middle of the town
-_LANE, _TURN = 1.0, 25.0  # metres and degrees that a vehicle may differ from a lane
+_OFFSETS = (0.0, -2.0, 2.0)  # metres from a spawn point, across and along its direction
+_MAX_SPOTS, _MAX_POINTS = 150, 24  # spawn points that are tried, and points whose cost is computed
+_LOW = 4.0  # metres: the view of lower cameras is blocked by buildings, and they are in the way of traffic
+# Costs of a point:
+_SOLID, _OFF_LANE, _ON_ROAD, _HIDDEN, _OBSTRUCTED, _PARTLY_HIDDEN = 1000.0, 40.0, 12.0, 6.0, 2.0, 0.5
+_PER_METRE = 0.01  # cost per metre from the middle of the town
+_LANE, _TURN = 1.0, 25.0  # metres and degrees by which a vehicle may deviate from a lane
 
 XY = tuple[float, float]
 
@@ -39,7 +40,7 @@ class Point:
     """A position of a configuration in the right-handed frame, before it is moved.
 
     Args:
-        kind: what stands there.
+        kind: what is at the position.
         x: metres.
         y: metres.
         z: height, of a sensor; metres.
@@ -59,7 +60,7 @@ class Site:
     """A town in which a configuration is placed."""
 
     def __init__(self, name: str) -> None:
-        """Generate the town of a name, with its default parameters."""
+        """Generate the town with a name and default parameters."""
         self.town = _town(name)
         self._planner = Planner(self.town.obstacles)
         self._yards = Yards(self.town)
@@ -67,12 +68,12 @@ class Site:
         self._middle = (0.0, 0.0) if x0 < 0.0 < x1 and y0 < 0.0 < y1 else ((x0 + x1) / 2, (y0 + y1) / 2)
 
     def shift(self, points: Sequence[Point]) -> XY:
-        """The vector by which all points are moved; null without points."""
+        """Return the vector by which all points are moved, metres; (0, 0) without points."""
         if not points:
             return 0.0, 0.0
         actors = [point for point in points if point.kind != "sensor"]
         anchor = (actors or list(points))[0]
-        compared = [anchor, *(point for point in points if point is not anchor)][:_MOST_POINTS]
+        compared = [anchor, *(point for point in points if point is not anchor)][:_MAX_POINTS]
         best: tuple[float, XY] | None = None
         for x, y in self._anchors(anchor):
             vector = (x - anchor.x, y - anchor.y)
@@ -84,31 +85,31 @@ class Site:
         return _rounded(best[1][0]), _rounded(best[1][1])
 
     def free(self, x: float, y: float, *, vehicle: bool) -> XY:
-        """The position itself if an actor can stand there and leave it, else the nearest one where it can."""
+        """Return a position if an actor can stand there and leave it, or else the nearest such position."""
         blocked = self._planner.inside(x, y, 0.0) if vehicle else self._planner.inside(x, y)
         if blocked is None and not self._in_yard(x, y):
             return x, y
         return self._planner.nearest_free(x, y, lambda u, v: not self._in_yard(u, v)) or (x, y)
 
     def lane(self, x: float, y: float) -> Pose:
-        """The nearest spawn point of vehicles, which is on a lane and faces along it."""
+        """Return the nearest spawn point for vehicles, which is on a lane and faces along it."""
         return min(self.town.spots["vehicle"], key=lambda spot: (_length(spot.x - x, spot.y - y), spot.x, spot.y))
 
     def _anchors(self, anchor: Point) -> Iterator[XY]:
-        """The places of the anchor that are tried, those near the middle of the town first."""
+        """Yield the candidate positions of the anchor, those near the middle of the town first."""
         spots = self.town.spots["vehicle" if anchor.kind == "vehicle" else "pedestrian"]
         if anchor.kind == "vehicle":
-            spots = tuple(spot for spot in spots if _between(spot.yaw, anchor.yaw) < _TURN) or spots
+            spots = tuple(spot for spot in spots if _angle_between(spot.yaw, anchor.yaw) < _TURN) or spots
         mx, my = self._middle
         near = sorted(spots, key=lambda spot: (_squared(spot.x - mx, spot.y - my), spot.x, spot.y))
-        for spot in near[:_MOST_SPOTS]:
+        for spot in near[:_MAX_SPOTS]:
             s, c = exact.sin_cos_deg(spot.yaw)
-            for across in _ASIDE if anchor.kind != "vehicle" else (0.0,):
-                for along in _ASIDE:
+            for across in _OFFSETS if anchor.kind != "vehicle" else (0.0,):
+                for along in _OFFSETS:
                     yield spot.x + c * along - s * across, spot.y + s * along + c * across
 
     def _cost(self, points: Sequence[Point], vector: XY, distance: float, limit: float) -> float:
-        """What is wrong after a shift; at least `limit` if it exceeds that."""
+        """Return the cost of a shift; if it exceeds `limit`, some value that is at least `limit`."""
         moved = [(point, (point.x + vector[0], point.y + vector[1])) for point in points]
         total = distance * _PER_METRE
         cameras = [at for point, at in moved if point.kind == "sensor" and point.z < _LOW]
@@ -130,7 +131,7 @@ class Site:
             return cost
         way = (x, y, point.goal[0] + vector[0], point.goal[1] + vector[1])
         across = [o for o in self.town.obstacles.across(way, 0.3) if low or o.kind in BUILDINGS]
-        return cost + sum(_SOLID / 4 if o.kind in BUILDINGS else _ROUND for o in across)
+        return cost + sum(_SOLID / 4 if o.kind in BUILDINGS else _OBSTRUCTED for o in across)
 
     def _cost_of_actor(self, point: Point, x: float, y: float, vector: XY, cameras: Sequence[XY]) -> float:
         if point.kind == "vehicle":
@@ -141,25 +142,27 @@ class Site:
             ways.append((point.goal[0] + vector[0], point.goal[1] + vector[1]))
         cost = sum(_SOLID * (not self._can_walk(*at)) + _ON_ROAD * self._is_road(*at) for at in ways)
         if len(ways) == 2:
-            cost += _ROUND * len(self.town.obstacles.across((*ways[0], *ways[1]), 0.3))
+            cost += _OBSTRUCTED * len(self.town.obstacles.across((*ways[0], *ways[1]), 0.3))
             ways.append(((ways[0][0] + ways[1][0]) / 2, (ways[0][1] + ways[1][1]) / 2))
         return cost + sum(self._hidden(at, cameras) for at in ways)
 
     def _hidden(self, at: XY, cameras: Sequence[XY]) -> float:
-        """The cost of what is between a place and the cameras: buildings hide it, trees and furniture parts of it."""
+        """Return the cost of obstacles between a position and the cameras: buildings hide it, others hide parts."""
         across = (self.town.obstacles.across((*camera, *at), 0.0) for camera in cameras)
-        return sum(_HIDDEN if any(o.kind in BUILDINGS for o in found) else _IN_VIEW * len(found) for found in across)
+        return sum(
+            _HIDDEN if any(o.kind in BUILDINGS for o in found) else _PARTLY_HIDDEN * len(found) for found in across
+        )
 
     def _can_walk(self, x: float, y: float) -> bool:
-        """Whether a pedestrian has room at a place, and a way out of it."""
+        """Return whether a pedestrian can stand at a position and leave it."""
         return self._planner.clear(x, y) and not self._in_yard(x, y)
 
     def _in_yard(self, x: float, y: float) -> bool:
-        """Whether a place is enclosed by buildings and walls."""
+        """Return whether a position is enclosed by buildings and walls."""
         return bool(self._yards.around(x, y))
 
     def _is_road(self, x: float, y: float) -> bool:
-        """Whether a place is on a road, or outside the town."""
+        """Return whether a position is on a road or outside the town."""
         (x0, x1), (y0, y1) = self.town.streets.bounds
         if not (x0 < x < x1 and y0 < y < y1):
             return True
@@ -175,9 +178,9 @@ def _town(name: str) -> Town:
 
 
 def _fits(spot: Pose, x: float, y: float, yaw: float) -> bool:
-    """Whether a vehicle is on the lane of a spawn point, within 12 m along it, and faces its direction."""
+    """Return whether a vehicle is on the lane of a spawn point, within 12 m of it, and faces its direction."""
     dx, dy = x - spot.x, y - spot.y
-    if abs(dx) > 12.0 or abs(dy) > 12.0 or _between(spot.yaw, yaw) > _TURN:
+    if abs(dx) > 12.0 or abs(dy) > 12.0 or _angle_between(spot.yaw, yaw) > _TURN:
         return False
     s, c = exact.sin_cos_deg(spot.yaw)
     return abs(c * dy - s * dx) < _LANE
@@ -187,13 +190,13 @@ def _squared(x: float, y: float) -> float:
     return x * x + y * y
 
 
-def _between(a: float, b: float) -> float:
-    """The angle between two directions, 0 to 180 degrees."""
+def _angle_between(a: float, b: float) -> float:
+    """Return the angle between two directions, 0 to 180 degrees."""
     return abs((a - b + 180.0) % 360.0 - 180.0)
 
 
 def _rounded(metres: float) -> float:
-    """Rounded to a centimetre, for a recipe that is easy to read."""
+    """Return metres rounded to a centimetre, for a recipe that is easy to read."""
     return round(metres, 2) + 0.0
 
 

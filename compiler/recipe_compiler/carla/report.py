@@ -1,4 +1,4 @@
-"""What became of every key of an imported configuration: kept, mapped or ignored, with the place and the reason."""
+"""The outcome of every key of an imported configuration: kept, mapped or ignored, with its place and the reason."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from recipe_compiler.source.yaml_reader import Value, show
 
 Path: TypeAlias = "tuple[str | int, ...]"
 
-_LONGEST_KEY = 60  # characters of a key in a path
+_MAX_KEY_LENGTH = 60  # characters of a key in a path
 
 
 class Outcome(str, Enum):
-    """What became of a key."""
+    """The outcome of a key."""
 
-    KEPT = "kept"  # the same value with the same meaning
-    MAPPED = "mapped"  # another value, or another thing with nearly the same meaning
-    IGNORED = "ignored"
+    KEPT = "kept"  # the recipe has the same value with the same meaning
+    MAPPED = "mapped"  # the recipe has another value, or a value with nearly the same meaning
+    IGNORED = "ignored"  # nothing in the recipe depends on it
 
     def __str__(self) -> str:
         return self.value
@@ -28,13 +28,13 @@ class Outcome(str, Enum):
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one key.
+    """The outcome of one key.
 
     Args:
         place: the key in the configuration.
         key: its path, such as `spawn_actors[0].blueprint.name`.
         value: its value, as messages show it.
-        outcome: what became of it.
+        outcome: its outcome.
         to: the path in the recipe, such as `base.clock.fps`; empty if it is ignored.
         written: the value in the recipe, if it differs.
         why: the reason, if it is not kept.
@@ -51,7 +51,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Default:
-    """A value that the recipe has and the configuration has not: the collector's own."""
+    """A value of the recipe that the configuration does not set: the collector's default."""
 
     to: str
     written: str
@@ -68,7 +68,7 @@ class Node:
 
     @classmethod
     def root(cls, value: Value) -> Node:
-        """The whole of a configuration."""
+        """The node of an entire configuration."""
         return cls(value, (), value.place)
 
     @property
@@ -78,13 +78,13 @@ class Node:
 
     def get(self, *keys: str) -> Node | None:
         """The value at a path of keys below it; None if it is absent or null."""
-        here = self
+        node = self
         for key in keys:
-            child = here.value.map.get(key)
+            child = node.value.map.get(key)
             if child is None or child.data is None:
                 return None
-            here = Node(child, (*here.path, key), here.value.key_place(key))
-        return here
+            node = Node(child, (*node.path, key), node.value.key_place(key))
+        return node
 
     def children(self) -> Iterator[Node]:
         """The values of a map or a list, in file order, nulls included."""
@@ -96,7 +96,7 @@ class Node:
                 yield Node(child, (*self.path, index), child.place)
 
     def leaves(self) -> Iterator[Node]:
-        """The scalars below it, and the maps and lists without content."""
+        """The scalars below it, and the empty maps and lists."""
         children = list(self.children())
         if not children:
             yield self
@@ -113,8 +113,8 @@ def key_of(path: Path) -> str:
 
 
 def _short(key: str) -> str:
-    """A key, cut to a length at which the paths of all values of a file stay small."""
-    return key if len(key) <= _LONGEST_KEY else f"{key[:_LONGEST_KEY]}..."
+    """A key, truncated so that the paths of all values of a file take little memory."""
+    return key if len(key) <= _MAX_KEY_LENGTH else f"{key[:_MAX_KEY_LENGTH]}..."
 
 
 def written(value: object) -> str:
@@ -136,30 +136,30 @@ def number_text(value: float) -> str:
 
 @dataclass
 class Ledger:
-    """Collects what becomes of the keys; the first entry of a key counts."""
+    """Collects the outcomes of keys; only the first entry of a key is kept."""
 
     rows: dict[tuple[str, Path], Row] = field(default_factory=dict)
     defaults: list[Default] = field(default_factory=list)
 
     def kept(self, node: Node, to: str) -> None:
-        """Note that the recipe has the same value, with the same meaning, at the path `to`."""
+        """Record that the recipe has the same value, with the same meaning, at the path `to`."""
         self._note(node, Outcome.KEPT, to)
 
     def mapped(self, node: Node, to: str, value: object, why: str) -> None:
-        """Note that the recipe has `value` at the path `to` in place of this one."""
+        """Record that the recipe has `value` at the path `to` instead, with the reason."""
         self._note(node, Outcome.MAPPED, to, written(value), why)
 
     def ignored(self, node: Node, why: str) -> None:
-        """Note that nothing of the recipe follows from a value, nor from the values below it that have no entry."""
+        """Record that nothing in the recipe depends on a value or on the values below it that have no entry yet."""
         for leaf in node.leaves():
             self._note(leaf, Outcome.IGNORED, why=why)
 
     def default(self, to: str, value: object, why: str) -> None:
-        """Note a value of the recipe that follows from no key."""
+        """Record a value of the recipe that no key sets."""
         self.defaults.append(Default(to, written(value), why))
 
     def has(self, node: Node) -> bool:
-        """Whether a key has an entry."""
+        """Return whether a key has an entry."""
         return (node.place.file, node.path) in self.rows
 
     def _note(self, node: Node, outcome: Outcome, to: str = "", value: str = "", why: str = "") -> None:

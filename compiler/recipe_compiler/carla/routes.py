@@ -1,4 +1,4 @@
-"""OSCAR's SensorController: a sensor that travels along the lanes of the town."""
+"""Conversion of OSCAR's SensorController: a sensor that follows the lanes of the town."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from recipe_compiler.carla.report import Node
 from recipe_compiler.carla.scene import Scene
 
 _RESOLUTION = 2.0  # metres between waypoints, OSCAR's default
-_FASTEST = 100.0  # m/s, the limit of the language
+_MAX_SPEED = 100.0  # m/s, the limit of the language
 
 
 def write(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
-    """Write the route of a sensor, which OSCAR moves to the next waypoint at every picture.
+    """Return the motion of a sensor that OSCAR moves to the next waypoint at every picture.
 
     Args:
         scene: the scene.
@@ -25,11 +25,11 @@ def write(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
     if not scene.follows_road(spec):
         for node in (options, None if spec.goal is None else spec.goal.node):
             if node is not None:
-                ledger.ignored(node, "an actor carries this sensor, which therefore follows no road")
+                ledger.ignored(node, "this sensor is attached to an actor, so it does not follow a road")
         return {}
     fps = scene.settings.fps
     node = options.get("sampling_resolution")
-    resolution = scene.reader.number(node, 0.01, _FASTEST / fps)
+    resolution = scene.reader.number(node, 0.01, _MAX_SPEED / fps)
     speed = round((_RESOLUTION if resolution is None else resolution) * fps, 6)
     why = f"one waypoint at every picture, at {fps} frames per second"
     if node is None:
@@ -41,7 +41,7 @@ def write(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
             ledger.ignored(child, "the route is along driving lanes, with random turns by seed and name")
     if spec.goal is not None:
         _note_goal(scene, spec, to)
-    return {"route": {"road": True, "speed": min(speed, _FASTEST)}}
+    return {"route": {"road": True, "speed": min(speed, _MAX_SPEED)}}
 
 
 def _note_goal(scene: Scene, spec: Spec, to: str) -> None:
@@ -54,11 +54,11 @@ def _note_goal(scene: Scene, spec: Spec, to: str) -> None:
             elif axis == "yaw":
                 scene.reader.ledger.ignored(leaf, "the sensor looks along the road")
             else:
-                scene.reader.ledger.ignored(leaf, "the route goes on along the road: it has no end")
+                scene.reader.ledger.ignored(leaf, "the route continues along the road without an end")
 
 
 def note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
-    """Note where the transform of a sensor that follows a road went."""
+    """Record the outcome of the transform of a sensor that follows a road."""
     elevation = elevation_of(spec)
     if elevation is not None:
         scene.reader.ledger.kept(elevation, f"{to}.z")
@@ -67,7 +67,7 @@ def note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
     for axis, number in spec.transform.numbers.items():
         for leaf in number.node.leaves() if number.node is not None else ():
             if axis in ANGLES:
-                scene.reader.ledger.ignored(leaf, "OSCAR replaces it by the direction of the road")
+                scene.reader.ledger.ignored(leaf, "OSCAR replaces it with the direction of the road")
             elif axis == "z" and elevation is not None:
                 scene.reader.ledger.ignored(leaf, "the elevation of the controller replaces it")
             else:
@@ -77,6 +77,6 @@ def note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
 
 
 def elevation_of(spec: Spec) -> Node | None:
-    """The height of a route, if it is given and not 0, which stands for the sensor's own."""
+    """Return the height of a route; None if it is absent or 0, which means the sensor's own height."""
     node = None if spec.route is None else spec.route.get("elevation")
     return None if node is None or not node.value.data else node

@@ -1,4 +1,4 @@
-"""Sensors: those at one pose, with one motion and one geometry, become one sensor with several modalities."""
+"""Converts sensors; those with equal pose, motion and geometry become one sensor with several modalities."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from recipe_compiler.schema.tick import MAX_TICK, nearest_ticks
 from recipe_compiler.source.yaml_reader import show
 
 _SPEED = 0.5  # metres per frame, the collector's default
-_FASTEST = 100.0  # m/s, the limit of the language
+_MAX_SPEED = 100.0  # m/s, the limit of the language
 _SPAWN_HEIGHT = 0.6  # metres, of CARLA's spawn points
-_TURNED = "sign changed"
+_SIGN_CHANGED = "sign changed"
 
 
 @dataclass
@@ -54,7 +54,7 @@ def write(scene: Scene) -> None:
 
 
 def _key(scene: Scene, spec: Spec, attributes: cameras.Attributes) -> tuple[object, ...]:
-    """What sensors must share to be one: carrier, pose, motion and geometry."""
+    """Return the parent, pose, motion and geometry of a sensor; sensors with equal keys become one."""
     pose, actor = scene.mount(spec), scene.actor_of(spec)
     geometry = {**cameras.DEFAULTS, **attributes.geometry}
     at = id(spec) if pose is None else tuple(round(getattr(pose, axis), 6) for axis in (*POSITION, *ANGLES))
@@ -71,7 +71,7 @@ def _plain(node: Node | None) -> str:
 
 
 def _name(scene: Scene, group: _Group, taken: list[str], fallback: str) -> None:
-    """Name a group by the first role name, or name in the configuration, among its entries."""
+    """Name a group after the first role name, or else the first name, of its entries."""
     roles = [(spec, role) for spec in group.specs if (role := spec.attributes.get("role_name")) is not None]
     texts = [text for _, role in roles if (text := scene.reader.text(role))]
     wanted = next(iter([*texts, *(spec.wanted_name for spec in group.specs if spec.wanted_name)]), fallback)
@@ -83,7 +83,7 @@ def _name(scene: Scene, group: _Group, taken: list[str], fallback: str) -> None:
         if role.value.data == name:
             scene.reader.ledger.kept(role, f"base.sensors.{name}")
         else:
-            why = "one name for the sensors at this pose, in letters, digits, _ and -"
+            why = "one name for the sensors at this pose, of letters, digits, _ and -"
             scene.reader.ledger.mapped(role, f"base.sensors.{name}", name, why)
 
 
@@ -102,7 +102,7 @@ def _write(scene: Scene, group: _Group, name: str) -> None:
                     f"{to}.capture", modality, "OSCAR adds instance segmentation to every camera"
                 )
             else:
-                several = "the sensors at this pose are one, with all their modalities"
+                several = "the sensors at this pose become one with all their modalities"
                 why = several if len(group.specs) > 1 else "the modality of this sensor"
                 scene.reader.ledger.mapped(node, f"{to}.capture", modality, why)
     motion = _motion(scene, group, to)
@@ -118,8 +118,8 @@ def _write_mount(scene: Scene, group: _Group, to: str) -> None:
     if pose is None:
         pose = _at_spawn_point(scene, spec)
         at = {axis: round(getattr(pose, axis), 6) for axis in (*POSITION, "yaw")}
-        why = "no transform is given, so the collector takes a random spawn point; one of this town, by seed and name"
-        scene.reader.ledger.default(f"{to}.mount", at, why.replace("; ", ": "))
+        why = "no transform is given, so the collector chooses a random spawn point: one of this town, by seed and name"
+        scene.reader.ledger.default(f"{to}.mount", at, why)
     given = {axis: getattr(pose, axis) for axis in (*POSITION, "yaw", "pitch", "roll")}
     tilt = [axis for axis in ("pitch", "roll") if not _given(spec, axis) and abs(given[axis]) < 1e-9]
     mount |= {axis: round(value, 6) + 0.0 for axis, value in given.items() if axis not in tilt}
@@ -140,35 +140,35 @@ def _at_spawn_point(scene: Scene, spec: Spec) -> Pose:
 
 
 def _note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
-    """Note where the numbers of a transform went."""
+    """Record the outcome of the numbers of a transform."""
     if scene.follows_road(spec):
         routes.note_mount(scene, spec, pose, to)
         return
     if spec.transform is None:
         return
-    numbers, carrier, (dx, dy) = spec.transform.numbers, scene.carrier(spec), scene.vector
+    numbers, parent, (dx, dy) = spec.transform.numbers, scene.parent(spec), scene.vector
     below = to.removeprefix("base.")
-    if carrier is not None and carrier.kind not in ACTORS:
+    if parent is not None and parent.kind not in ACTORS:
         for axis, number in numbers.items():
-            why = f"given in the frame of {scene.name(carrier)}, another sensor"
+            why = f"given in the frame of {scene.name(parent)}, another sensor"
             scene.note_number(number, f"{to}.{axis}", round(getattr(pose, axis), 6), why)
         return
-    lift = 0.0 if carrier is None else WALKER_ORIGIN if carrier.kind == "walker" else 0.0
-    if carrier is not None:
+    lift = WALKER_ORIGIN if parent is not None and parent.kind == "walker" else 0.0
+    if parent is not None:
         dx = dy = 0.0
     x, y, z = (numbers[axis] for axis in POSITION)
     scene.draw(x, f"{below}.x", x.low + dx, x.high + dx)
     scene.draw(y, f"{below}.y", dy - y.high, dy - y.low)
     scene.draw(z, f"{below}.z", z.low + lift, z.high + lift)
-    moved = ", moved by {:g}" if carrier is None else ""
+    moved = ", moved by {:g}" if parent is None else ""
     scene.note_number(x, f"{to}.x", pose.x, moved.format(dx).lstrip(", "))
-    scene.note_number(y, f"{to}.y", pose.y, f"{_TURNED}{moved.format(dy)}")
+    scene.note_number(y, f"{to}.y", pose.y, f"{_SIGN_CHANGED}{moved.format(dy)}")
     scene.note_number(z, f"{to}.z", pose.z, f"from the feet, which are {lift:g} m below the origin of CARLA's walkers")
     for axis in ANGLES:
         sign = 1.0 if axis == "roll" else -1.0
         low, high = sorted((sign * numbers[axis].low, sign * numbers[axis].high))
         scene.draw(numbers[axis], f"{below}.{axis}", low, high)
-        why = _TURNED if sign < 0 else "the same angle, from -180 to 180 degrees"
+        why = _SIGN_CHANGED if sign < 0 else "the same angle, from -180 to 180 degrees"
         scene.note_number(numbers[axis], f"{to}.{axis}", getattr(pose, axis), why)
 
 
@@ -180,10 +180,13 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
             ledger.kept(spec.role, f"{to}.on")
         elif actor is not None:
             ledger.mapped(
-                spec.role, f"{to}.on", scene.name(actor), "the actor of that role, or the one that carries it"
+                spec.role,
+                f"{to}.on",
+                scene.name(actor),
+                "the actor with that role, or the actor that its sensor is attached to",
             )
         else:
-            ledger.mapped(spec.role, to, "its pose", "the frame of a sensor that stands in the world")
+            ledger.mapped(spec.role, to, "its pose", "the frame of a sensor that is fixed in the world")
     if spec.attachment is None:
         return
     kind = scene.reader.text(spec.attachment)
@@ -192,13 +195,13 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
     kinds = {"rigid": "rigid", "springarm": "spring_arm", "springarmghost": "spring_arm_ghost"}
     wanted = kinds.get(kind.lower().replace("_", ""))
     if wanted is None:
-        scene.reader.refuse(spec.attachment, f"{show(kind)} is no attachment", "write rigid or spring_arm")
+        scene.reader.reject(spec.attachment, f"{show(kind)} is not an attachment", "write rigid or spring_arm")
     elif actor is None:
-        ledger.ignored(spec.attachment, "nothing carries this sensor")
+        ledger.ignored(spec.attachment, "this sensor is not attached to an actor")
     elif wanted == "rigid":
         ledger.mapped(spec.attachment, f"{to}.on", scene.name(actor), "a sensor on an actor is fixed to it")
     elif not (mount["x"] or mount["y"]):
-        ledger.ignored(spec.attachment, "an arm without length: the sensor is fixed to the actor")
+        ledger.ignored(spec.attachment, "an arm of zero length: the sensor is fixed to the actor")
     else:
         mount["attachment"] = wanted
         if wanted == kind:
@@ -221,7 +224,7 @@ def _write_camera(scene: Scene, group: _Group, to: str) -> None:
 
 
 def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
-    """The motion of a sensor: in a straight line, along a road, shaken."""
+    """Return the motion of a sensor: along a line or a road, and its jitter."""
     motion: dict[str, Data] = {}
     for spec in group.specs:
         if spec.route is not None:
@@ -247,20 +250,20 @@ def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
 
 
 def _linear(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
-    """Straight motion to the destination, at metres per frame times frames per second."""
+    """Return the linear motion of a sensor to its destination; the collector's speed is in metres per frame."""
     assert spec.goal is not None
-    goal, carrier, (dx, dy) = spec.goal, scene.carrier(spec), scene.vector
-    pose = scene.world(goal.pose) if carrier is None else scene.carried(carrier, goal.pose) or goal.pose
+    goal, parent, (dx, dy) = spec.goal, scene.parent(spec), scene.vector
+    pose = scene.world(goal.pose) if parent is None else scene.pose_on(parent, goal.pose) or goal.pose
     end = {axis: round(getattr(pose, axis), 6) + 0.0 for axis in POSITION}
-    is_moved = carrier is None and (dx, dy) != (0.0, 0.0)
-    where = ", moved" if is_moved else "" if carrier is None else ", in the carrier's frame"
+    is_moved = parent is None and (dx, dy) != (0.0, 0.0)
+    where = ", moved" if is_moved else "" if parent is None else ", in the frame of its parent"
     for axis in POSITION:
-        why = (_TURNED if axis == "y" else "the same number") + where
+        why = (_SIGN_CHANGED if axis == "y" else "the same number") + where
         scene.note_number(goal.numbers[axis], f"{to}.linear.to.{axis}", end[axis], why)
     for axis in ANGLES:
         node = goal.numbers[axis].node
         if node is not None:
-            scene.reader.ledger.ignored(node, "the collector moves the position only: the rotation stays")
+            scene.reader.ledger.ignored(node, "the collector changes the position only, not the rotation")
     fps = scene.settings.fps
     given = scene.reader.number(spec.speed, 0.0)
     per_frame = _SPEED if given is None else given
@@ -268,17 +271,17 @@ def _linear(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
     why = f"{per_frame:g} metres per frame at {fps} frames per second"
     if spec.speed is None:
         scene.reader.ledger.default(f"{to}.linear.speed", speed, f"no speed is given: {why}")
-    elif not 0.0 < speed <= _FASTEST:
-        message = f"{why} are {speed:g} m/s"
-        remedy = f"write more than 0 and at most {_FASTEST / fps:g} metres per frame"
-        scene.reader.refuse(spec.speed, message, remedy, Code.OUT_OF_RANGE)
+    elif not 0.0 < speed <= _MAX_SPEED:
+        message = f"{why} is {speed:g} m/s"
+        remedy = f"write more than 0 and at most {_MAX_SPEED / fps:g} metres per frame"
+        scene.reader.reject(spec.speed, message, remedy, Code.OUT_OF_RANGE)
     else:
         scene.reader.ledger.mapped(spec.speed, f"{to}.linear.speed", speed, why)
     return {"linear": {"to": end, "speed": speed}}
 
 
 def _write_tick(scene: Scene, group: _Group, to: str) -> None:
-    """Write the time between two pictures; CARLA takes one at every step if it is shorter than a step."""
+    """Write the time between two pictures; if it is shorter than a step, CARLA takes one at every step."""
     fps = scene.settings.fps
     for spec in group.specs:
         node = spec.attributes.get("sensor_tick")
@@ -286,11 +289,11 @@ def _write_tick(scene: Scene, group: _Group, to: str) -> None:
         if node is None or tick is None:
             continue
         if tick * fps <= 1.0:
-            scene.reader.ledger.mapped(node, f"{to}.tick", 0, "a picture at every frame, as without it")
+            scene.reader.ledger.mapped(node, f"{to}.tick", 0, "a picture at every frame, the default")
         elif near := nearest_ticks(tick, fps):
-            message = f"{tick:g} s are {tick * fps:g} frames at {fps} frames per second"
+            message = f"{tick:g} s is {tick * fps:g} frames at {fps} frames per second"
             remedy = f"write {' or '.join(map(number_text, near))}, or 0 for every frame"
-            scene.reader.refuse(node, message, remedy, Code.OUT_OF_RANGE)
+            scene.reader.reject(node, message, remedy, Code.OUT_OF_RANGE)
         else:
             scene.draft.set(f"{to}.tick", tick)
             scene.reader.ledger.kept(node, f"{to}.tick")

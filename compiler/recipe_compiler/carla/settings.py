@@ -1,4 +1,4 @@
-"""The settings of a configuration: clock, seed and town, and the keys of the client, which have no meaning here."""
+"""Reads the settings of a configuration: clock, seed and town, and the client's keys, which are ignored."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from recipe_compiler.schema.fields import MAX_FRAMES, MAX_SEED
 
 Keys = tuple[str, ...]  # a path of keys
 
-_PHYSICS, _FASTEST = 240, 1000  # steps per second: the language's default and limit
+_PHYSICS_RATE, _MAX_RATE = 240, 1000  # steps per second: the language's default and limit
 _NO_SERVER = "no server: the recipe is simulated in the process that builds it"
 _IGNORED = {
     "host": _NO_SERVER,
@@ -28,14 +28,14 @@ _IGNORED = {
 _ELSEWHERE = {
     "output_dir": "the folder is chosen when the recipe is built",
     "defaults": "Hydra's composition is not executed: name the other files in the command",
-    "hydra": "Hydra is not executed: it decides folders and log files only",
-    "paths": "the folders of a run; the folder is chosen when the recipe is built",
+    "hydra": "Hydra is not executed: it only sets folders and log files",
+    "paths": "folders of a run: the output folder is chosen when the recipe is built",
 }
 
 
 @dataclass(frozen=True)
 class Form:
-    """A form of configurations: where its settings are, and what the collector uses for those that are absent."""
+    """A form of configurations: the paths of its settings and the collector's defaults."""
 
     name: str
     client: Keys  # of the map with the host
@@ -44,7 +44,7 @@ class Form:
     weather: Keys
     seed: int
     warmup: int | None  # steps; None: the form has no such key
-    rate: Keys  # keys of the frame rate, below `client`, the first one that is there counts
+    rate: Keys  # dotted paths of the frame rate; the first that is present is used
 
 
 COLLECTOR = Form(
@@ -71,11 +71,10 @@ OSCAR = Form(
 
 @dataclass(frozen=True)
 class Settings:
-    """What the other parts of an import need to know of the settings."""
+    """The settings that the other parts of an import use."""
 
     seed: int
     fps: int
-    step_rate: float  # steps of the collector's simulation per second
     town: str
 
 
@@ -91,10 +90,10 @@ class SettingsReader:
         """Read the settings.
 
         Args:
-            town: the town of the library to use; None: the one most like the configuration's.
+            town: the town of the library to use; None: the one most similar to the configuration's.
 
         Returns:
-            The settings; None, with problems, if they cannot be used.
+            The settings; None, with problems, if they are invalid.
         """
         seed = self._seed()
         steps, fps = self._rate()
@@ -107,19 +106,21 @@ class SettingsReader:
         self._draft.set("base.clock", {"fps": fps, "frames": frames, **physics, **self._warmup(steps)})
         self._draft.set("base.town", name)
         self._note_ignored()
-        return Settings(seed, fps, steps, name)
+        return Settings(seed, fps, name)
 
     def _seed(self) -> int:
         node = self._root.get(*self._form.client, "seed")
-        seed = self._reader.whole(node, 0, MAX_SEED)
+        seed = self._reader.integer(node, 0, MAX_SEED)
         if node is None or seed is None:
-            self._ledger.default("seed", self._form.seed, f"no seed is given; {self._form.name} documents this one")
+            self._ledger.default(
+                "seed", self._form.seed, f"no seed is given: the documented default of {self._form.name}"
+            )
             return self._form.seed
         self._ledger.kept(node, "seed")
         return seed
 
     def _rate(self) -> tuple[float, int | None]:
-        """The steps per second of the collector, and the frames per second of the recipe."""
+        """Return the collector's steps per second, and the recipe's frames per second; None if they are invalid."""
         found = [node for key in self._form.rate if (node := self._root.get(*key.split("."))) is not None]
         if not found:
             why = "no frame rate is given: the collector records 30 frames per second"
@@ -127,17 +128,17 @@ class SettingsReader:
             return 30.0, 30
         node, *others = found
         for other in others:
-            self._ledger.ignored(other, f"{node.key} is given too, which the collector reads instead")
-        steps = self._reader.number(node, 1e-3, float(_FASTEST))
+            self._ledger.ignored(other, f"the collector reads {node.key} instead")
+        steps = self._reader.number(node, 1e-3, float(_MAX_RATE))
         if steps is None:
             return 30.0, None
         interval_node = self._root.get(*self._form.simulation, "interval") if self._form.warmup is not None else None
-        interval = self._reader.whole(interval_node, 1, 1_000_000)
+        interval = self._reader.integer(interval_node, 1, 1_000_000)
         rate = steps / (interval or 1)
         if rate != int(rate) or rate < 1:
             each = f" at one picture in {interval} steps" if interval_node is not None else ""
-            message = f"{steps:g} steps per second{each} are {rate:g} frames per second"
-            self._reader.refuse(node, message, "choose a whole number of frames per second, 1 to 1000")
+            message = f"{steps:g} steps per second{each} is {rate:g} frames per second"
+            self._reader.reject(node, message, "choose a whole number of frames per second, 1 to 1000")
             return steps, None
         if interval_node is not None:
             why = f"one picture in {interval} steps of {steps:g} per second"
@@ -145,18 +146,18 @@ class SettingsReader:
         if interval not in (None, 1):
             self._ledger.mapped(node, "base.clock.fps", int(rate), "divided by the interval")
         elif node.key == "carla.sync.fps":
-            why = "the collector reads carla.fps instead and records 30 frames per second; here this key counts"
+            why = "the collector reads carla.fps instead and records 30 frames per second; the import uses this key"
             self._ledger.mapped(node, "base.clock.fps", int(rate), why)
         else:
             self._ledger.kept(node, "base.clock.fps")
         return steps, int(rate)
 
     def _physics(self, fps: int) -> dict[str, int]:
-        """The physics rate if the language's default does not divide into frames."""
-        if _PHYSICS % fps == 0:
+        """Return the physics rate, if the default is not a multiple of the frame rate."""
+        if _PHYSICS_RATE % fps == 0:
             return {}
-        physics = fps * -(-_PHYSICS // fps)
-        why = f"the smallest multiple of {fps} frames per second that is not below {_PHYSICS}"
+        physics = fps * -(-_PHYSICS_RATE // fps)
+        why = f"the smallest multiple of {fps} frames per second that is not below {_PHYSICS_RATE}"
         self._ledger.default("base.clock.physics", physics, why)
         return {"physics": physics}
 
@@ -168,44 +169,43 @@ class SettingsReader:
                 Problem(message, self._root.place, "add a line such as `max_frames: 300`", Code.MISSING_KEY)
             )
             return None
-        frames = self._reader.whole(node, 1, MAX_FRAMES)
+        frames = self._reader.integer(node, 1, MAX_FRAMES)
         if frames is not None:
             self._ledger.kept(node, "base.clock.frames")
         return frames
 
     def _town(self, chosen: str | None) -> str | None:
         node = self._root.get(*self._form.simulation, "townmap")
-        given = self._reader.text(node)
-        asked = "" if given is None else given
-        like = towns.most_like(asked or towns.DEFAULT)
+        wanted = self._reader.text(node) or towns.DEFAULT
+        match = towns.closest_match(wanted)
         if chosen is not None:
-            name, why = chosen, "the town that the command names"
-        elif like is None and node is not None:
+            name, why = chosen, "the town chosen in the command"
+        elif match is None and node is not None:
             known = ", ".join(towns.NAMES)
             remedy = f"write one of {known}, or choose one of {', '.join(NAMES)} in the command"
-            self._reader.refuse(node, f"CARLA's release has no town {asked[:60]!r}", remedy, Code.UNKNOWN_NAME)
+            self._reader.reject(node, f"CARLA has no town {wanted[:60]!r}", remedy, Code.UNKNOWN_NAME)
             return None
         else:
-            assert like is not None
-            name, why = like[0], f"the town most like {asked or towns.DEFAULT}, {like[1]}"
+            assert match is not None
+            name, why = match[0], f"the town most similar to {wanted}, {match[1]}"
         if node is None:
             self._ledger.default("base.town", name, f"no town is given; {why}")
         else:
             self._ledger.mapped(node, "base.town", name, why)
-        short = (asked or towns.DEFAULT).rsplit("/", 1)[-1]
-        self.notes.append(f"{short} of CARLA becomes {name}: another town, with other streets, buildings and relief")
+        short = wanted.rsplit("/", 1)[-1]
+        self.notes.append(f"CARLA's {short} becomes {name}, a different town with other streets, buildings and terrain")
         return name
 
     def _warmup(self, steps: float) -> dict[str, float]:
         if self._form.warmup is None:
             return {}
         node = self._root.get(*self._form.simulation, "warmup")
-        given = self._reader.whole(node, 0, 600_000)
+        given = self._reader.integer(node, 0, 600_000)
         seconds = (self._form.warmup if given is None else given) / steps
         if seconds > 600.0 and node is not None:
-            self._reader.refuse(node, f"{seconds:g} s are out of range", "write at most 600 s", Code.OUT_OF_RANGE)
+            self._reader.reject(node, f"{seconds:g} s are out of range", "write at most 600 s", Code.OUT_OF_RANGE)
         if node is None:
-            why = f"no warm-up is given; OSCAR's own is {self._form.warmup} steps"
+            why = f"no warm-up is given: OSCAR's default is {self._form.warmup} steps"
             self._ledger.default("base.clock.warmup", seconds, why)
         else:
             self._ledger.mapped(node, "base.clock.warmup", seconds, f"steps at {steps:g} per second, in seconds")

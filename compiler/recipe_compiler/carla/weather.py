@@ -1,4 +1,4 @@
-"""The weather of a configuration: CARLA's parameters, with the defaults of its Python constructor."""
+"""Reads the weather of a configuration: CARLA's parameters, with the defaults of CARLA's Python constructor."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from recipe_compiler.carla.report import Node
 from recipe_compiler.library.weather import ENGINE_DEFAULTS, PARAMETERS, UNSET
 
 COLLECTOR = dict.fromkeys(PARAMETERS, 0.0) | {"rayleigh_scattering_scale": 0.0331}
-"""The parameters of `carla.WeatherParameters()`, which the collector uses for those that a configuration lacks."""
+"""The parameters of `carla.WeatherParameters()`, the collector's defaults."""
 
 OSCAR = COLLECTOR | {"cloudiness": 25.0, "sun_altitude_angle": 20.0}
-"""OSCAR's own weather, of its configs/context/default.yaml."""
+"""OSCAR's default weather, from its configs/context/default.yaml."""
 
 _LIMITS = {
     "fog_distance": 10_000.0,
@@ -22,10 +22,10 @@ _LIMITS = {
 
 
 def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
-    """Read the parameters that a map has.
+    """Read the weather parameters of a map.
 
     Args:
-        reader: collects what became of them.
+        reader: collects problems and outcomes.
         node: the map.
         to: the path of the weather in the recipe.
     """
@@ -35,10 +35,10 @@ def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
         value = reader.number(child)
         if child is None or value is None:
             continue
-        fits, why = _fitting(parameter, value)
-        found[parameter] = fits
+        valid, why = _clamped(parameter, value)
+        found[parameter] = valid
         if why:
-            reader.ledger.mapped(child, f"{to}.{parameter}", fits, why)
+            reader.ledger.mapped(child, f"{to}.{parameter}", valid, why)
         else:
             reader.ledger.kept(child, f"{to}.{parameter}")
     for child in node.children():
@@ -48,12 +48,12 @@ def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
 
 
 def complete(reader: Reader, given: dict[str, Data], defaults: dict[str, float], to: str) -> dict[str, Data]:
-    """All fourteen parameters; those that are not given have defaults.
+    """Return all fourteen parameters.
 
     Args:
-        reader: collects the defaults.
+        reader: collects the defaults that are used.
         given: the parameters of the configuration.
-        defaults: the others.
+        defaults: the values of all parameters that are not given.
         to: the path of the weather in the recipe.
     """
     for parameter in PARAMETERS:
@@ -63,12 +63,12 @@ def complete(reader: Reader, given: dict[str, Data], defaults: dict[str, float],
     return {parameter: given.get(parameter, defaults[parameter]) for parameter in PARAMETERS}
 
 
-def _fitting(parameter: str, value: float) -> tuple[float, str]:
-    """The value as recipes allow it, and why it differs; an empty reason if it does not."""
+def _clamped(parameter: str, value: float) -> tuple[float, str]:
+    """Return the nearest value that a recipe may have, and the reason if it differs, else an empty text."""
     if value == UNSET and parameter != "sun_altitude_angle":
         return ENGINE_DEFAULTS[parameter], "-1 means unset in CARLA: the engine's default"
     if parameter == "sun_azimuth_angle":
         return (value, "") if 0.0 <= value <= 360.0 else (value % 360.0, "the same direction, from 0 to 360 degrees")
     low, high = (-90.0, 90.0) if parameter == "sun_altitude_angle" else (0.0, _LIMITS.get(parameter, 100.0))
-    fits = min(max(value, low), high)
-    return fits, "" if fits == value else f"outside {low:g} to {high:g}: the nearest value that the parameter can have"
+    valid = min(max(value, low), high)
+    return valid, "" if valid == value else f"outside {low:g} to {high:g}: clamped"

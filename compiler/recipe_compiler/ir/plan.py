@@ -99,7 +99,7 @@ class TownPlan(Plan):
 
 
 class Pause(Plan):
-    """A pedestrian stands at a waypoint of its route for some seconds."""
+    """A pause of some seconds at a waypoint of a pedestrian's route."""
 
     waypoint: Annotated[int, Field(ge=0, lt=MAX_POINTS)]  # index into the route
     seconds: Annotated[Number, Field(ge=0, le=3600)]
@@ -117,13 +117,13 @@ class ActorPlan(Plan):
     start: Pose
     route: Annotated[
         tuple[Point, ...], Field(max_length=MAX_POINTS)
-    ]  # after the start, the goal last; empty: it stands
+    ]  # after the start, the goal last; empty: it does not move
     speed: Annotated[Number, Field(ge=0, le=1000)]  # m/s; a vehicle's where no speed limit is lower
-    held: bool = False  # stands at its start until frame 0, and then moves off at its speed
+    held: bool = False  # waits at its start until frame 0, and then moves at its speed
     obeys: bool = True  # traffic lights
     entry: Pose | None = None  # a vehicle that reaches its goal leaves, and enters again here when there is room
     pauses: Annotated[tuple[Pause, ...], Field(max_length=MAX_POINTS)] = ()  # in order of their waypoints
-    companion: Name | None = None  # the pedestrian beside whom it walks; its route is then not used
+    companion: Name | None = None  # the pedestrian that it accompanies; its route is then not used
 
 
 class PropPlan(Plan):
@@ -183,7 +183,7 @@ class Weather(Plan):
 
 
 class Sun(Plan):
-    """Where the sun stands. `azimuth` counter-clockwise from world +x, `altitude` above the horizon, in degrees."""
+    """The position of the sun. `azimuth` counter-clockwise from world +x, `altitude` above the horizon, in degrees."""
 
     azimuth: Degrees
     altitude: Annotated[Number, Field(ge=-90, le=90)]

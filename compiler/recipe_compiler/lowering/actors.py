@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.ir.ground.ways import BODY
+from recipe_compiler.ir.ground.path_planner import BODY
 from recipe_compiler.ir.plan import ActorPlan, Point, Pose
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
@@ -80,7 +80,7 @@ class ActorLowering:
         return self._traffic("vehicle" if kind == "vehicle" else "pedestrian", int(index))
 
     def _view_near(self) -> traffic.SensorView | None:
-        """What the sensor of `traffic.near` sees; None without one. The actor that carries it is placed first."""
+        """What the sensor of `traffic.near` sees; None without one. The actor that it is mounted on is placed first."""
         near = self._base.traffic.near
         if near is None or near not in self._base.sensors:
             return None
@@ -161,7 +161,7 @@ class ActorLowering:
         return plan.model_copy(update={"obeys": not ignores, "route": route, "pauses": pauses})
 
     def _beside_previous(self, name: str, index: int, blueprint: Blueprint) -> ActorPlan | None:
-        """The plan of a pedestrian who walks beside the one before it in the traffic; None for all others."""
+        """The plan of a pedestrian who accompanies the previous one of the traffic; None for all others."""
         stream = self._stream(name, "companion")
         if index == 0 or not pedestrian_traffic.is_paired(stream):
             return None

@@ -1,4 +1,4 @@
-"""Choices of pedestrians in traffic: who runs, who pauses where, and who walks beside another."""
+"""Random choices for pedestrians in traffic: running, pauses and companions."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def with_pauses(start: Pose, route: Sequence[Point], stream: Stream) -> tuple[tu
 
 
 def is_paired(stream: Stream) -> bool:
-    """Draw whether a pedestrian walks beside the one before it, if that one does not itself walk beside another."""
+    """Draw whether a pedestrian accompanies the previous one, if that one does not accompany another."""
     return stream.unit() < PAIRED
 
 
 def places_beside(leader: ActorPlan, stream: Stream) -> list[Pose]:
-    """Return the starts beside a pedestrian, the preferred side first; none if nobody is to walk beside it."""
+    """Return the starts next to a pedestrian, the preferred side first; empty if it has no companion."""
     if leader.companion is not None or leader.speed > _RUNNING[0]:
         return []
     s, c = exact.sin_cos_deg(leader.start.yaw)

@@ -25,7 +25,7 @@ DELTA_NUMBERS = (300, 399)  # actors that occur only in deltas, by a hash of the
 PARKED_NUMBERS = 400  # first of 100 numbers for traffic.parked.*
 PEDESTRIAN_NUMBERS = 500  # first of 250 numbers for traffic.pedestrian.*
 VEHICLE_NUMBERS = 750  # first of the numbers for traffic.vehicle.*
-_ALONG, _ASIDE = 1.5, 0.25  # metres kept free before and behind a vehicle, and beside it
+_ALONG, _ASIDE = 1.5, 0.25  # metres kept free in front of and behind a vehicle, and at its sides
 _PERSON = 0.6  # metres around a pedestrian
 _CELL = 14.0  # metres, more than two bodies that touch can be apart
 _TRIES = 64
@@ -108,11 +108,11 @@ class Spots:
     _standing: dict[tuple[int, int], list[Footprint]] = field(default_factory=dict)
 
     def occupy(self, body: Footprint) -> None:
-        """Note that a body stands here."""
+        """Record that a body is here."""
         self._standing.setdefault(_cell(body.x, body.y), []).append(body)
 
     def free(self, body: Footprint, beside: Footprint | None = None) -> bool:
-        """Return whether a body fits here, if need be touching the one beside which it is to stand."""
+        """Return whether a body fits here; it may touch the companion next to which it starts."""
         i, j = _cell(body.x, body.y)
         near = (other for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for other in self._standing.get((a, b), ()))
         return not any(body.overlaps(other) for other in near if other != beside)

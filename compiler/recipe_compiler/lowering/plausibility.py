@@ -48,7 +48,7 @@ def of_views(base: Value, rig: RigPlan, actors: Iterable[ActorPlan], frames: int
             place = base.place_of("sensors", sensor.name, "tick")
             yield Problem(message, place, "write the seconds from one picture to the next", Code.IMPLAUSIBLE)
         if carrier is not None and sensor.arm is None and any(_is_inside(carrier, pose) for pose in sensor.poses[:1]):
-            message = f"sensors.{sensor.name}: it is inside {carrier.name}, the actor that carries it"
+            message = f"sensors.{sensor.name}: it is inside {carrier.name}, the actor that it is mounted on"
             place = base.place_of("sensors", sensor.name, "mount")
             yield Problem(message, place, _remedy(carrier), Code.PLACEMENT)
 

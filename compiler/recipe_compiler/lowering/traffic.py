@@ -1,6 +1,6 @@
 """Choices of seeded traffic: how many actors, which blueprints, and which starts a sensor is likely to see.
 
-A start is where an actor stands when the simulation begins, which is the warm-up before frame 0. Whether a sensor
+A start is the position of an actor when the simulation begins, which is the warm-up before frame 0. Whether a sensor
 sees an actor is therefore estimated along the route that it would take from there.
 """
 
@@ -115,7 +115,7 @@ class SensorView:
         Args:
             base: The recipe's base.
             sensor: The sensor.
-            carrier: Start, route and speed (m/s) of the actor that carries it; None if it is mounted in the world.
+            carrier: Start, route and speed (m/s) of the actor that it is mounted on; None for the world.
         """
         mount, seconds = arms.mount_of(sensor), base.clock.frames / base.clock.fps
         looks = []

@@ -1,10 +1,10 @@
 """Plans the routes of all pedestrians of a scene, and checks where actors start.
 
-A start or a goal inside something solid is refused, with the nearest free place, and so is a goal that cannot be
-reached. Routes of traffic end before a place that cannot be reached.
+A start or a goal inside an obstacle is an error, reported with the nearest free position, and so is a goal that cannot
+be reached. Routes of traffic end before a position that cannot be reached.
 
-Named pedestrians walk round buildings, furniture, props, and vehicles that stand: these are the only actors that can
-change another's plan. Traffic walks round all that but vehicles, which it avoids when it meets them.
+Routes of named pedestrians lead around buildings, furniture, props and stationary vehicles; stationary vehicles are the
+only actors that affect another actor's plan. Routes of traffic ignore vehicles, which are avoided in the simulation.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import Obstacle
-from recipe_compiler.ir.ground.ways import XY, Planner, TooManyObstaclesError, TooMuchWorkError, Work
+from recipe_compiler.ir.ground.path_planner import XY, Planner, TooManyObstaclesError, TooMuchWorkError, Work
 from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
 from recipe_compiler.ir.plan_types import MAX_POINTS
 from recipe_compiler.library.towns import Town
@@ -21,8 +21,8 @@ from recipe_compiler.lowering.enclosures import Yards
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 
-_WORK = 20_000_000  # tests of obstacles for all named pedestrians together, about ten seconds
-_REMEDIES = 4_000_000  # tests for the free points in remedies, about two seconds
+_WORK = 20_000_000  # obstacle tests for all named pedestrians together, about ten seconds
+_REMEDIES = 4_000_000  # obstacle tests for the free points in remedies, about two seconds
 _NEAREST = "the nearest free point is x: {:g}, y: {:g}"
 _MOVE = "move it to a lane or a sidewalk, which a map of the town shows"
 _IN_YARD = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
@@ -31,14 +31,14 @@ Path = tuple[str | int, ...]  # keys and indices of a value of the recipe
 
 
 class RecipeWork:
-    """The work of planning the routes of all scenes of a recipe.
+    """The work allowed for planning the routes of all scenes of a recipe.
 
     Attributes:
         routes: for routes.
-        remedies: for the free points that error messages name; without any left, they name none.
+        remedies: for free points in error messages, which are omitted when this is used up.
     """
 
-    MOST = 60_000_000  # tests, about half a minute
+    MOST = 60_000_000  # obstacle tests, about half a minute
 
     def __init__(self, *, unlimited: bool = False) -> None:
         self.routes = Work() if unlimited else Work(self.MOST)
@@ -49,8 +49,8 @@ class WalkingRoutes:
     """The walking routes of one scene.
 
     Attributes:
-        problems: What is refused.
-        warnings: What is probably a mistake.
+        problems: Errors in starts and routes.
+        warnings: Probable mistakes.
     """
 
     def __init__(
@@ -138,19 +138,19 @@ class WalkingRoutes:
         for n, waypoint in enumerate(actor.route):
             target, path = (waypoint.x, waypoint.y), (actor.name, *_path(given, n))
             try:
-                way = self._named.way(at, target)
+                way = self._named.shortest_path(at, target)
             except TooManyObstaclesError:
                 self._refuse(path, "the way there leads round too many obstacles", "give waypoints, as `route`")
                 return actor
             if way is None:
                 free = self._nearest_reachable(at, target)
                 remedy = _MOVE if free is None else _NEAREST.format(*free)
-                self._refuse(path, f"no way leads there from x: {at[0]:g}, y: {at[1]:g}", remedy)
+                self._refuse(path, f"it cannot be reached from x: {at[0]:g}, y: {at[1]:g}", remedy)
                 return actor
             points += [Point(x=x, y=y) for x, y in way]
             at = target
         if len(points) > MAX_POINTS:
-            message = f"with the ways round obstacles it has {len(points)} waypoints, which exceed the limit of"
+            message = f"with the path around obstacles it has {len(points)} waypoints, which exceed the limit of"
             self._refuse((actor.name, "route"), f"{message} {MAX_POINTS}", "shorten it")
             return actor
         return actor.model_copy(update={"route": tuple(points)})
@@ -165,7 +165,7 @@ class WalkingRoutes:
             wanted = (waypoint.x, waypoint.y)
             target = wanted if self._crowd.clear(*wanted) else self._crowd.nearest_free(*wanted)
             try:
-                way = None if target is None else self._crowd.way(at, target)
+                way = None if target is None else self._crowd.shortest_path(at, target)
             except TooManyObstaclesError:
                 way = None
             if way is None or len(points) + len(way) > MAX_POINTS:
@@ -188,7 +188,7 @@ class WalkingRoutes:
 
         try:
             free = self._named.nearest_free(*goal, allowed, self._remedies) if own or other else None
-            return free if free is not None and self._named.way(start, free) is not None else None
+            return free if free is not None and self._named.shortest_path(start, free) is not None else None
         except (TooManyObstaclesError, TooMuchWorkError):
             return None
 

@@ -28,12 +28,12 @@ class Mount(Model):
 
     on: Annotated[
         ActorName | None,
-        Field(description="Actor that carries the sensor; the pose is in its frame. Default: the world frame."),
+        Field(description="Actor that the sensor is mounted on; the pose is in its frame. Default: the world frame."),
     ] = None
     attachment: Annotated[
         Attachment,
         Field(
-            description="How `on` carries it. rigid: it leans and turns with the actor; spring_arm: on an arm that "
+            description="Attachment to `on`. rigid: it leans and turns with the actor; spring_arm: on an arm that "
             "stays level and turns smoothly, shortened at buildings; spring_arm_ghost: the same arm, never shortened."
         ),
     ] = "rigid"
@@ -132,7 +132,7 @@ class Camera(Model):
 class Sensor(Model):
     """A camera at a pose. All of its modalities agree to the pixel."""
 
-    mount: Annotated[Mount, Field(description="Pose of the sensor and the actor that carries it.")]
+    mount: Annotated[Mount, Field(description="Pose of the sensor, and the actor that it is mounted on.")]
     camera: Annotated[Camera, Field(description="Intrinsics and response of the camera.")] = Camera()
     capture: Annotated[
         tuple[Modality, ...],
@@ -154,7 +154,7 @@ class Sensor(Model):
 
     @property
     def carrier(self) -> str | None:
-        """The actor on which its pose depends; None if it stands or moves in the world frame."""
+        """The actor on which its pose depends; None if it is static or moves in the world frame."""
         return self.mount.on if self.motion.follow is None else self.motion.follow.actor
 
     def _stays(self) -> bool:

@@ -13,12 +13,14 @@ from recipe_compiler.schema.recipe import Base, Recipe
 from recipe_compiler.source.yaml_reader import parse
 
 _SHORTHANDS = {"Town": "name", "Weather": "preset"}
+_DELTAS = "Axes by name. An axis has named values, each with its changes to the base; null removes."
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of a recipe file.
 
-    A delta may contain any part of a base, and null to remove it.
+    A delta may contain any part of a base, and null to remove it. A recipe with `extends` may contain any part of a
+    recipe, since the rest is in the recipe that it extends; null removes there as well.
     """
     schema = Recipe.model_json_schema(ref_template="#/$defs/{model}")
     base = Base.model_json_schema(ref_template="#/$defs/{model}")
@@ -29,26 +31,43 @@ def json_schema() -> dict[str, Any]:
         for kind in (name, f"Partial{name}"):
             whole = definitions[kind]
             definitions[kind] = {"anyOf": [whole, whole["properties"][key]], "description": whole["description"]}
-    axis = {
-        "type": "object",
-        "propertyNames": {"pattern": NAME},
-        "additionalProperties": {"$ref": "#/$defs/PartialBase"},
-        "minProperties": 1,
+    properties = schema["properties"] | {"base": {"$ref": "#/$defs/Base", "description": base["description"]}}
+    name = properties.pop("recipe")
+    changed = _partial({"properties": properties})["properties"]
+    schema["properties"] = {
+        "recipe": name,
+        **{key: _description(value) for key, value in properties.items()},
+        "deltas": {"description": _DELTAS},
     }
-    schema["properties"] |= {
-        "base": {"$ref": "#/$defs/Base"},
-        "deltas": {
-            "type": "object",
-            "description": "Axes by name. An axis has named values, each with its changes to the base; null removes.",
-            "propertyNames": {"pattern": NAME},
-            "additionalProperties": axis,
-        },
-    }
+    schema["if"] = {"properties": {"extends": {"type": "string"}}, "required": ["extends"]}
+    schema["then"] = {"properties": {**changed, "deltas": _deltas(extends=True)}}
+    schema["else"] = {"properties": {**properties, "deltas": _deltas(extends=False)}, "required": ["base"]}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "A recipe of a dataset"
     schema["description"] = "A recipe file. A file that other recipes extend may omit any key."
     schema["$defs"] = dict(sorted(definitions.items()))
     return schema
+
+
+def _deltas(*, extends: bool) -> dict[str, Any]:
+    """Return the schema of `deltas`; in a recipe that extends another, null removes an axis or one of its values."""
+    value: dict[str, Any] = {"$ref": "#/$defs/PartialBase"}
+    axis = {
+        "type": "object",
+        "propertyNames": {"pattern": NAME},
+        "additionalProperties": _nullable(value) if extends else value,
+        "minProperties": 1,
+    }
+    return {
+        "type": "object",
+        "description": _DELTAS,
+        "propertyNames": {"pattern": NAME},
+        "additionalProperties": _nullable(axis) if extends else axis,
+    }
+
+
+def _nullable(value: dict[str, Any]) -> dict[str, Any]:
+    return {"anyOf": [value, {"type": "null"}]}
 
 
 def _partial(definition: dict[str, Any]) -> dict[str, Any]:
@@ -57,7 +76,7 @@ def _partial(definition: dict[str, Any]) -> dict[str, Any]:
     partial.pop("required", None)
     for key, value in partial.get("properties", {}).items():
         value.pop("default", None)
-        partial["properties"][key] = {"anyOf": [_redirected(value), {"type": "null"}], **_description(value)}
+        partial["properties"][key] = {**_nullable(_redirected(value)), **_description(value)}
     return partial
 
 
@@ -71,7 +90,7 @@ def _redirected(value: Any) -> Any:
         if "$ref" in changed:
             changed["$ref"] = changed["$ref"].replace("#/$defs/", "#/$defs/Partial")
         for pattern, named in changed.get("patternProperties", {}).items():  # null removes a named entry
-            changed["patternProperties"][pattern] = {"anyOf": [named, {"type": "null"}]}
+            changed["patternProperties"][pattern] = _nullable(named)
         return changed
     return [_redirected(item) for item in value] if isinstance(value, list) else value
 

@@ -20,35 +20,32 @@ class SurfacePoint(Model):
     ] = None
     z: Annotated[
         Metres | None,
-        Field(
-            description="Metres above the foot of the body; on a surface that lies flat, above the surface's middle."
-        ),
+        Field(description="Metres above the foot of the body; on a level surface, from the surface's middle."),
     ] = None
 
 
 class Carrier(Model):
-    """The surface that carries a patch: of the town, of an actor or of a prop; or a free-standing board."""
+    """The surface that a patch is on: of the town, of an actor or of a prop; or a free-standing board."""
 
     town: Annotated[str | None, Field(max_length=100, description="Element of the town, such as `wall.3`.")] = None
     actor: Annotated[ActorName | None, Field(description="Name of an actor.")] = None
     prop: Annotated[Name | None, Field(description="Name of a prop.")] = None
     board: Annotated[
-        Standing | None, Field(description="Pose of a free-standing board, as that of a prop; it has the patch's size.")
+        Standing | None,
+        Field(description="Pose of a free-standing board, like that of a prop; it has the patch's size."),
     ] = None
     surface: Annotated[
         str | None,
         Field(
             max_length=NAME_LENGTH,
-            description="Surface of it; absent: the first that `recipe surfaces` lists. `body` and `shirt` are covered "
-            "whole, by their texture maps.",
+            description="Name of the surface. Default: the first that `recipe surfaces` lists. `body` and `shirt` are "
+            "texture maps, which cover the entire body or shirt.",
         ),
     ] = None
     at: Annotated[
         SurfacePoint, Field(description="Position of the patch's centre on the surface. Default: the middle.")
     ] = SurfacePoint()
-    size: Annotated[Board | None, Field(description="Size of the patch; not for surfaces that are covered whole.")] = (
-        None
-    )
+    size: Annotated[Board | None, Field(description="Size of the patch; not for texture maps.")] = None
 
     @model_validator(mode="after")
     def _one(self) -> Carrier:
@@ -66,18 +63,18 @@ class Carrier(Model):
 
 
 class Texture(Model):
-    """What a patch shows: an image, a folder of images, or a colour."""
+    """The texture of a patch: an image, a folder of images, or a colour."""
 
     image: Annotated[str | None, Field(max_length=200, description="A .png file below this file's folder.")] = None
     frames: Annotated[
         str | None,
-        Field(max_length=200, description="A folder of .png files, one a frame, in the order of their names."),
+        Field(max_length=200, description="A folder of .png files, one for each frame, in the order of their names."),
     ] = None
     color: Annotated[Colour | None, Field(description='A colour, such as "#00903a".')] = None
     sha256: Annotated[
         str | None,
         StringConstraints(pattern=r"^[0-9a-f]{64}$"),
-        Field(description="SHA-256 of the image; another content is an error. The lockfile pins it too."),
+        Field(description="SHA-256 of the image; other content is an error. The lockfile pins it as well."),
     ] = None
 
     @model_validator(mode="after")
@@ -99,8 +96,8 @@ class ColorTransfer(Model):
         TransferMethod,
         Field(
             description="dapricot: a matrix fitted to a chart of 24 colours, and the placeholder's brightness. "
-            "matrix: the same, with the brightness relative to what the matrix predicts. "
-            "armory: the placeholder's brightness. reap: one line per channel, fitted to the chart."
+            "matrix: likewise, with the brightness relative to the matrix's prediction. "
+            "armory: the placeholder's brightness. reap: a linear fit per channel to the chart."
         ),
     ] = "dapricot"
 
@@ -119,7 +116,7 @@ class Patch(Model):
     color_transfer: Annotated[ColorTransfer, Field(description="The colour transform of mode color_transfer.")] = (
         ColorTransfer()
     )
-    texture: Annotated[Texture | None, Field(description="What it shows; may be left out in mode green.")] = None
+    texture: Annotated[Texture | None, Field(description="The texture; optional in mode green.")] = None
     gloss: Annotated[float, bounded(0, 1, "Gloss, 0 (matt) to 1 (a mirror).")] = 0.0
     emission: Annotated[
         float, bounded(0, MAX_EMISSION, "Luminance of a white texel, cd/m2, of a display or a lit case.")

@@ -25,7 +25,7 @@ _KINDS = {  # first bytes of a file -> what it is, and what to name instead
 
 
 def nearest_file(path: Path) -> str | None:
-    """A remedy for a path that leads to no file: the file beside it whose name is nearest, if one is near."""
+    """Return a remedy for a path that does not exist: a file with a similar name in its folder; None without one."""
     names = [entry.name for entry in _entries(path.parent) if entry.is_file()]
     recipes = [name for name in names if name in (f"{path.name}.yaml", f"{path.name}.yml")]
     if recipes:

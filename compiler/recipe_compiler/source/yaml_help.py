@@ -71,12 +71,12 @@ def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | No
         return f"{opened} has no `: ` after its key", "write `key: value`, with a space after the colon"
     if "block collection" in context and problem.endswith("but found '?'"):
         return (
-            "a key of a map stands among the items of a list, with `-`",
+            "a key of a map is among the items of a list, with `-`",
             "write every entry as `name: ...`, or every entry with `- `",
         )
     if problem.endswith("but found '-'"):
         return (
-            "an item of a list, with `-`, stands among the keys of a map",
+            "an item of a list, with `-`, is among the keys of a map",
             "indent it below the key that it belongs to",
         )
     if problem.endswith(("but found '}'", "but found ']'")):

@@ -1,4 +1,4 @@
-"""The calibration of a frame: how a point of the world becomes a pixel, with no convention left to guess.
+"""The calibration of a frame: the projection from world space to pixels, with all conventions.
 
 The camera frame is that of OpenCV and of REP-103's optical frames: x right, y down, z forward, metres. Pixel
 coordinates are continuous: (0, 0) is the outer corner of the top-left pixel, whose centre is (0.5, 0.5). A point p of
@@ -6,9 +6,8 @@ the world projects as
 
     x, y, z = world_to_camera p,  u = K (x / z, y / z, 1),
 
-and depth is z. A lens with distortion shows at a pixel what the pinhole shows at another one: let q be the pixel's
-offset from the principal point (K's last column) in half widths of the image, and r its length; the pinhole's offset is
-(1 + lens_k r^2 + lens_kcube r^3) q.
+and depth is z. With lens distortion, let q be a pixel's offset from the principal point (K's last column), in units of
+half the image's width, and r its length; the undistorted offset is (1 + lens_k r^2 + lens_kcube r^3) q.
 """
 
 from __future__ import annotations
@@ -20,8 +19,6 @@ from recipe_compiler.ir.plan import CameraPlan
 from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.core.transforms import SENSOR_FROM_VIEW, Array, compose, invert
-
-# The sensor frame is x forward, y left, z up.
 
 
 class Distortion(TypedDict):

@@ -1,9 +1,9 @@
 """KITTI's tracking layout: labels with 2-D and 3-D boxes, calibration and camera poses as text.
 
 Formats are those of the development kit of KITTI's tracking benchmark (A. Geiger, P. Lenz, R. Urtasun, CVPR 2012):
-frames from 0, boxes with their last row and column, and pixel coordinates that are (0, 0) at the centre of the first
-pixel. The camera frame is x right, y down, z forward, and the laser scanner's frame (`velo`) is the sensor's, x
-forward, y left, z up, at the same place.
+frames are counted from 0, boxes include their last row and column, and pixel coordinates are (0, 0) at the centre of
+the first pixel. The camera frame is x right, y down, z forward. The laser scanner's frame (`velo`) is the sensor frame,
+x forward, y left, z up, with the same origin.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def label_lines(frames: Iterable[LabelledFrame]) -> Iterator[str]:
     """Yield the lines of `label_02/<sequence>.txt`.
 
     The fields are frame, track, type, truncated, occluded, alpha, left, top, right, bottom, height, width, length, x,
-    y, z, rotation_y. The 2-D box is that of the actor without occlusion, within the picture; x, y, z is the middle of
-    the bottom of the body box; the track is the instance value.
+    y, z, rotation_y. The 2-D box is the amodal box, clipped to the picture; x, y, z is the centre of the bottom of the
+    body box in the camera frame, metres; angles are in radians; the track is the instance value.
     """
     for frame in frames:
         for item in frame["objects"]:
@@ -43,7 +43,7 @@ def label_lines(frames: Iterable[LabelledFrame]) -> Iterator[str]:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """Return `calib/<sequence>.txt`: equal projections for all four cameras, no rectification, no inertial sensor."""
+    """Return `calib/<sequence>.txt`: equal projections for all four cameras, identity rectification and IMU pose."""
     (focal, _, cx), (_, _, cy), _ = calibration["K"]
     projection = [[focal, 0.0, cx - 0.5, 0.0], [0.0, focal, cy - 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]
     unit = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
@@ -80,7 +80,7 @@ def _label(item: LabelRecord) -> str:
 
 
 def bottom(item: LabelRecord) -> tuple[float, float, float]:
-    """Return the middle of the bottom of an actor's body box in the camera frame, metres."""
+    """Return the centre of the bottom of an actor's body box in the camera frame, metres."""
     box = item["box3d"]
     w, x, y, z = box["rotation"]
     half = box["size"][2] / 2.0
@@ -90,7 +90,7 @@ def bottom(item: LabelRecord) -> tuple[float, float, float]:
 
 
 def _level(share: float, partly: float, largely: float) -> int:
-    """Return 0, 1 or 2: not, partly or largely."""
+    """Return KITTI's level of a share: 0 up to `partly`, 1 up to `largely`, else 2."""
     return 0 if share <= partly else 1 if share <= largely else 2
 
 

@@ -2,8 +2,8 @@
 
 The layout is that of TrackEval's MOTSChallenge: `MOTS-train/<sequence>/gt/gt.txt` with one line `frame id class height
 width rle` per object, frames from 1. Ids are class * 1000 + number. Pedestrians are class 2 and cars class 1; the
-number is that of the instance. MOTS has no other class: all other actors form one ignore region, class 10, which
-evaluation counts neither as a hit nor as a false positive.
+number is that of the instance. MOTS has no other class: all other actors form one ignore region, class 10, whose
+detections count neither as true nor as false positives.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from recipe_runtime.annotate.categories import MOTS_CLASSES, MOTS_IGNORE
 from recipe_runtime.annotate.records import LabelledFrame
 
 _PIECE = 1 << 20  # characters of a run-length code that are decoded at once
-_LONGEST_NUMBER = 7  # characters
+_MAX_CHARACTERS = 7  # of one number
 
 
 def mots_id(instance: int) -> int:
@@ -56,7 +56,16 @@ def mots_lines(frames: Iterable[LabelledFrame], width: int, height: int, *, firs
 
 
 def seqinfo(name: str, directory: str, rate: int, length: int, width: int, height: int) -> str:
-    """Return the text of a sequence's `seqinfo.ini`."""
+    """Return the text of a sequence's `seqinfo.ini`.
+
+    Args:
+        name: Name of the sequence.
+        directory: Folder of the pictures.
+        rate: Frames per second.
+        length: Number of frames.
+        width: Of the pictures, pixels.
+        height: Of the pictures, pixels.
+    """
     rows = {
         "name": name,
         "imDir": directory,
@@ -70,7 +79,7 @@ def seqinfo(name: str, directory: str, rate: int, length: int, width: int, heigh
 
 
 def seqmap(names: Sequence[str]) -> str:
-    """Return the text of the list of sequences."""
+    """Return the text of the list of sequences with the given names."""
     return "".join(f"{name}\n" for name in ("name", *names))
 
 
@@ -83,7 +92,7 @@ def _union(counts: Sequence[str], width: int, height: int) -> str:
 def runs_fill(counts: str, pixels: int) -> bool:
     """Return whether a run-length code in COCO's text form describes a mask of exactly `pixels` pixels.
 
-    pycocotools does not check this. A character stands for six bits, starting at code 48: five bits of the number, the
+    pycocotools does not check this. A character encodes six bits, starting at code 48: five bits of the number, the
     lowest first, and a continuation bit. Each run after the third is stored as its difference from the run two before
     it (maskApi.c, rleToString).
     """
@@ -94,7 +103,7 @@ def runs_fill(counts: str, pixels: int) -> bool:
     while codes.size:
         ends = np.flatnonzero(codes[:_PIECE] < 32)
         if not ends.size:
-            return False  # no number is so long
+            return False  # a number is longer than the piece
         numbers = _numbers(codes, ends)
         if numbers is None or np.abs(numbers).max() > pixels:
             return False
@@ -111,12 +120,12 @@ def _numbers(codes: NDArray[np.uint8], ends: NDArray[np.int64]) -> NDArray[np.in
     starts = np.concatenate([np.zeros(1, np.int64), ends[:-1] + 1])
     lengths = ends - starts + 1
     longest = int(lengths.max())
-    if longest > _LONGEST_NUMBER:
+    if longest > _MAX_CHARACTERS:
         return None
     numbers = np.zeros(len(ends), np.int64)
-    for place in range(longest):
-        there = lengths > place
-        numbers[there] |= (codes[starts[there] + place] & 31).astype(np.int64) << (5 * place)
+    for position in range(longest):
+        present = lengths > position
+        numbers[present] |= (codes[starts[present] + position] & 31).astype(np.int64) << (5 * position)
     negative = codes[ends] & 16 > 0
     numbers[negative] -= np.int64(1) << (5 * lengths[negative])
     return numbers

@@ -25,7 +25,7 @@ from recipe_runtime.meshes.mesh import Body
 
 
 class Annotator:
-    """Makes the records of the actors of one scene.
+    """Computes the label records of the actors of one scene.
 
     Args:
         scene: The plan of the scene.

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 
 def tables(sections: Mapping[str, object]) -> Iterator[str]:
-    """Yield the text of a JSON object with the sections in the given order, each list or iterator one row per line.
+    """Yield the text of a JSON object with the sections in the given order; lists and iterators have one row per line.
 
     Raises:
         ValueError: A number is NaN or infinite.

@@ -57,7 +57,7 @@ def _rows(data: dict[str, list[Row]]) -> Iterator[str]:
 def _twice(what: str, values: Iterable[object]) -> Iterator[str]:
     for value, count in Counter(values).items():
         if count > 1:
-            yield f"{what} {value!r} stands {count} times"
+            yield f"{what} {value!r} occurs {count} times"
 
 
 def _numbers(value: object, where: str = "$") -> Iterator[str]:

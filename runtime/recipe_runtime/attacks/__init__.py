@@ -1,1 +1,1 @@
-"""Ground truth for attacks: where patches are in a picture."""
+"""Attacks on patches: where patches are in a picture, and how the picture depends on their textures."""

@@ -1,6 +1,7 @@
-"""The camera's curve as a smooth function of light, with its derivative: tone, noise and encoding.
+"""The camera's response as a smooth function of light, with its derivative: tone mapping, noise and encoding.
 
-The renderer rounds light to 4096 levels and then to 8 bits; here values stay as they are.
+Light is linear, 1 is white. The renderer rounds it to 4096 levels and then to 8 bits; here, only `rounded` rounds.
+Functions take arrays of any shape.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ Values = NDArray[np.float64]
 
 
 def tone(x: Values) -> tuple[Values, Values]:
-    """Return the tone curve of light, and its derivative: Narkowicz's fit to ACES, limited to 0 to 1."""
+    """Return tone-mapped light, 0 to 1, and its derivative: Narkowicz's fit to the ACES curve."""
     x = np.maximum(x, 0.0)
-    top, low = x * (2.51 * x + 0.03), x * (2.43 * x + 0.59) + 0.14
-    y = top / low
-    rise = ((5.02 * x + 0.03) * low - top * (4.86 * x + 0.59)) / (low * low)
-    return np.minimum(y, 1.0), np.where((y < 1.0) & (x > 0.0), rise, 0.0)
+    numerator, denominator = x * (2.51 * x + 0.03), x * (2.43 * x + 0.59) + 0.14
+    y = numerator / denominator
+    slope = ((5.02 * x + 0.03) * denominator - numerator * (4.86 * x + 0.59)) / (denominator * denominator)
+    return np.minimum(y, 1.0), np.where((y < 1.0) & (x > 0.0), slope, 0.0)
 
 
 def inverse_tone(y: Values) -> tuple[Values, Values]:
@@ -30,23 +31,34 @@ def inverse_tone(y: Values) -> tuple[Values, Values]:
 
 
 def with_noise(level: Values, deviates: Values, noise: float) -> tuple[Values, Values]:
-    """Return light with the frame's noise, and its derivative."""
+    """Return light with the frame's noise, and its derivative.
+
+    Args:
+        level: Light without noise, 0 to 1.
+        deviates: Standard normal deviates of the frame, of the same shape.
+        noise: Strength of the noise, as in the recipe.
+    """
     root = np.sqrt(np.maximum(level, 0.0))
     value = level + noise * deviates * (0.0005 + 0.008 * root)
     return value, 1.0 + noise * deviates * 0.004 / np.maximum(root, 1e-3)
 
 
 def encoded(light: Values, table: Values) -> tuple[Values, Values]:
-    """Return the picture's value, 0 to 1, of light, and its derivative: interpolated in a table over 0 to 1."""
+    """Return the picture's value, 0 to 1, of light, and its derivative.
+
+    Args:
+        light: Light; values outside 0 to 1 are clipped and have a derivative of 0.
+        table: Values of equally spaced light from 0 to 1, between which the function interpolates linearly.
+    """
     last = len(table) - 1
     t = np.clip(light, 0.0, 1.0) * last
     i = np.minimum(t.astype(np.int64), last - 1)
-    rise = table[i + 1] - table[i]
+    step = table[i + 1] - table[i]
     inside = (light >= 0.0) & (light <= 1.0)
-    return table[i] + rise * (t - i), np.where(inside, rise * last, 0.0)
+    return table[i] + step * (t - i), np.where(inside, step * last, 0.0)
 
 
 def rounded(light: Values, table: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the 8-bit levels of light, as the camera rounds it."""
+    """Return the 8-bit levels of light 0 to 1, from a table of levels, rounded as the renderer rounds."""
     last = len(table) - 1
     return table[np.clip(light * last + 0.5, 0.0, last).astype(np.int64)]

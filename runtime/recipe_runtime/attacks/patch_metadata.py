@@ -1,4 +1,4 @@
-"""The truth of a patch in the form in which Armory's attacks take it."""
+"""The ground truth of a patch in the form that Armory's attacks expect."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from recipe_compiler.ir.patches import STATIC, PatchPlan
 from recipe_runtime.annotate.masks import unpacked
 from recipe_runtime.attacks.truth import PatchRecord
 
-_ON_GROUND, _ELSEWHERE = 0.03, 3.0  # metres: Armory's bounds for patches on a street or a sidewalk, and for others
-_GROUND = 0.5  # a patch that lies lower, metres, and faces up by more than this cosine is on the ground
+# Metres by which an attack may perturb the depth of patches on a street or a sidewalk, and of others: Armory's bounds.
+_MAX_PERTURB_GROUND, _MAX_PERTURB_ELSEWHERE = 0.03, 3.0
+_MAX_GROUND_HEIGHT = 0.5  # metres: a patch on the ground is lower
+_MIN_GROUND_COSINE = 0.5  # and its normal's cosine to the vertical is larger
 
 
 class PatchMetadata(TypedDict):
-    """What Armory's attacks read of a patch in a frame."""
+    """The fields that Armory's attacks read for a patch in a frame."""
 
     gs_coords: NDArray[np.int64]  # [4, 2]: x, y, clockwise from the texture's top left
     mask: NDArray[np.uint8]  # [H, W, 3]: 255 where the patch is seen, else 0
@@ -28,7 +30,7 @@ def patch_metadata(record: PatchRecord, patch: PatchPlan, width: int, height: in
     """Return the metadata of a patch in a frame; None if an attack cannot use it, see `is_usable`.
 
     Args:
-        record: The truth of the patch in the frame.
+        record: The ground truth of the patch in the frame.
         patch: Its plan.
         width: Of the picture, pixels.
         height: Of the picture, pixels.
@@ -42,12 +44,12 @@ def patch_metadata(record: PatchRecord, patch: PatchPlan, width: int, height: in
         "gs_coords": np.array(record["corners_int"], np.int64).reshape(4, 2),
         "mask": visible_mask(record, width, height),
         "avg_patch_depth": np.float64(record["depth"]),
-        "max_depth_perturb_meters": np.float64(_ON_GROUND if is_on_ground(patch) else _ELSEWHERE),
+        "max_depth_perturb_meters": np.float64(_MAX_PERTURB_GROUND if is_on_ground(patch) else _MAX_PERTURB_ELSEWHERE),
     }
 
 
 def is_usable(record: PatchRecord) -> bool:
-    """Whether a patch is seen, and its corners within the picture are four different pixels."""
+    """Return whether a patch is visible and its corners, clipped to the picture, are four different pixels."""
     corners = record["corners_int"]
     return record["area"] > 0 and corners is not None and len({tuple(corner) for corner in corners}) == 4
 
@@ -65,7 +67,7 @@ def visible_mask(record: PatchRecord, width: int, height: int) -> NDArray[np.uin
 
 
 def is_on_ground(patch: PatchPlan) -> bool:
-    """Whether a patch lies on a street or a sidewalk: static, level and low."""
+    """Return whether a patch lies on a street or a sidewalk: static, facing up and low."""
     face = patch.faces[0]
-    low = all(corner[2] < _GROUND for corner in face.corners)
-    return not patch.whole and face.part == STATIC and face.normal[2] > _GROUND and low
+    low = all(corner[2] < _MAX_GROUND_HEIGHT for corner in face.corners)
+    return not patch.whole and face.part == STATIC and face.normal[2] > _MIN_GROUND_COSINE and low

@@ -1,12 +1,15 @@
 """A patch in a frame as a function of its texture, with the exact gradient.
 
-Each pixel that shows the patch has one sample or, at edges, up to four. By sample, the light is linear in the texture:
+Each pixel that shows the patch has one sample or, at edges, up to four. The light of each sample is linear in the
+texture:
 
     radiance = gain * (A @ M @ linear(texture)) + offset
 
-M makes mip levels, and A is sparse: the texels that the renderer reads for the sample, with their weights. gain holds
-sun, sky, lamps, shadow, coverage and fog; offset what does not depend on the texture. Samples of wet ground that mirror
-a patch have rows too. The camera tone-maps samples, averages those of a pixel, and adds noise: see `camera_curve`.
+M computes the mip levels. A is sparse: the weights of the texels that the renderer reads for the sample. gain is the
+light of sun, sky and lamps with shadow, coverage and fog; offset is the light that does not depend on the texture.
+Samples of wet ground that reflect a patch are included. The camera tone-maps samples, averages those of a pixel, and
+adds noise: see `camera_curve`. Motion blur, bloom, distortion, chromatic aberration and supersampling come before the
+noise: see `lens_light`.
 """
 
 from __future__ import annotations
@@ -16,17 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.patches import PatchPlan
 
 from recipe_runtime.attacks import camera_curve
+from recipe_runtime.attacks.inserted_view import InsertedView
+from recipe_runtime.attacks.lens_light import LensLight
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.pixel_light import PixelLight
-from recipe_runtime.attacks.textures import check_size
+from recipe_runtime.attacks.retextured_frame import RetexturedFrame
+from recipe_runtime.attacks.textures import Texture, Values, as_values, check_size
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
-
-Values = NDArray[np.float64]
-Texture = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +39,11 @@ class Linearised:
 
     values: Values  # [Q, 3], 0 to 1
     _view: PatchView
-    _steps: tuple[Values, ...]
+    _derivatives: tuple[Values, ...]
 
     def backward(self, gradient: Values) -> Values:
         """Return the gradient [h, w, 3] of the texture of a gradient [Q, 3] of the values."""
-        return self._view.transposed(self._steps, gradient)
+        return self._view.transposed(self._derivatives, gradient)
 
 
 class PatchView:
@@ -48,11 +52,11 @@ class PatchView:
     Attributes:
         pixels: Index, row by row, of each of the Q pixels that change with the texture, int32 [Q].
         picture: The frame with the texture of the recipe, uint8 [H, W, 3].
-        gain: float64 [N, 3], by sample of these pixels.
-        offset: float64 [N, 3].
-        samples: The K of them that the patch covers, int32 [K]: the rows of A.
-        taps: A and its transpose, see `SparseProduct`.
-        mips: M and its transpose.
+        gain: Of each of the N samples of these pixels, float64 [N, 3].
+        offset: Of each sample, float64 [N, 3].
+        samples: Index of each of the K samples that the patch covers, int32 [K]: the rows of A.
+        taps: Products with A and its transpose, see `SparseProduct`.
+        mips: Products with M and its transpose.
     """
 
     def __init__(self, frame: PatchedFrame, patch: str, width: int, height: int) -> None:
@@ -61,17 +65,19 @@ class PatchView:
         self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
         self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
         self.mips = MipChain(width, height)
-        self._light = PixelLight(frame.recording, frame.curve, frame.streak)
-        self.curve, self.pixels = frame.curve, frame.recording.pixels
+        self._light: PixelLight | LensLight = PixelLight(frame.recording, frame.curve, frame.streak)
+        if frame.lens is not None:
+            self._light = LensLight(self._light, frame.lens, frame.device)
+        self.curve, self.pixels = frame.curve, frame.pixels
         self.picture = frame.render({})
 
     def linearise(self, texture: Texture) -> Linearised:
         """Return the values of the pixels for a texture, uint8 or 0 to 1, [h, w, 3], and their derivative."""
-        light, rise = linear_light(as_values(texture, self.shape))
+        light, light_slope = linear_light(as_values(texture, self.shape))
         level, saved = self._light.forward(self._radiance(self.mips.forward(light)))
-        noisy, noise_rise = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
-        values, curve_rise = camera_curve.encoded(noisy, self.curve.encoded)
-        return Linearised(values, self, (rise, curve_rise * noise_rise, *saved))
+        noisy, noise_slope = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
+        values, curve_slope = camera_curve.encoded(noisy, self.curve.encoded)
+        return Linearised(values, self, (light_slope, curve_slope * noise_slope, *saved))
 
     def forward(self, texture: Texture) -> Values:
         """Return the picture for a texture, float64 [H, W, 3], 0 to 1; its pixels' values are not rounded."""
@@ -83,8 +89,8 @@ class PatchView:
         """Return the vector-Jacobian product of `forward`.
 
         Args:
-            texture: Where the derivative is taken, [h, w, 3].
-            gradient: Of the picture, [H, W, 3].
+            texture: The texture at which the derivative is taken, [h, w, 3].
+            gradient: Gradient with respect to the picture, [H, W, 3].
 
         Returns:
             The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
@@ -105,12 +111,12 @@ class PatchView:
         out.reshape(-1, 3)[self.pixels] = camera_curve.rounded(noisy, self.curve.rounded)
         return out
 
-    def transposed(self, steps: tuple[Values, ...], gradient: Values) -> Values:
-        """Return the gradient of the texture; `steps` are the derivatives that `linearise` saved."""
-        rise, curve_rise, *saved = steps
-        radiance = self._light.backward(tuple(saved), gradient * curve_rise)
+    def transposed(self, derivatives: tuple[Values, ...], gradient: Values) -> Values:
+        """Return the gradient of the texture; `derivatives` are those that `linearise` saved."""
+        light_slope, curve_slope, *saved = derivatives
+        radiance = self._light.backward(tuple(saved), gradient * curve_slope)
         texels = self.taps.backward(np.ascontiguousarray((radiance * self.gain)[self.samples]))
-        return self.mips.backward(texels) * rise
+        return self.mips.backward(texels) * light_slope
 
     def _radiance(self, texels: Values) -> Values:
         radiance = self.offset.copy()
@@ -118,29 +124,24 @@ class PatchView:
         return radiance
 
 
-def patch_view(frame: PatchedFrame, patch: str, size: tuple[int, int] | None) -> PatchView:
-    """Return the view of a patch, for textures of a size (height, width) or of the recipe's image.
+def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> PatchView | InsertedView:
+    """Return the view of a patch.
+
+    Args:
+        frame: The frame.
+        patch: The patch.
+        size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
         InputError: No size is given and the patch has no image, or the size is too large.
     """
-    if frame.has_post_process:
-        raise InputError(
-            f"patch {patch}: the camera has motion blur, bloom, distortion, chromatic aberration or supersampling,"
-            " through which there is no gradient; remove them"
-        )
-    own = frame.texture_size(patch)
+    name = patch.name
     if size is None:
+        own = frame.texture_size(patch)
         if own is None:
-            raise InputError(f"patch {patch}: its texture is a colour, which has no size; give the texture's size")
+            raise InputError(f"patch {name}: its texture is a colour, which has no size; give the texture's size")
         size = own[1], own[0]
-    check_size(patch, size[1], size[0])
-    return PatchView(frame, patch, size[1], size[0])
-
-
-def as_values(texture: Texture, shape: tuple[int, ...]) -> Values:
-    """Return a texture as float64, 0 to 1; ValueError unless it has the shape."""
-    if texture.shape != shape:
-        raise ValueError(f"the texture has the shape {texture.shape}, not {shape}")
-    values: Values = texture.astype(np.float64)
-    return values / 255.0 if texture.dtype == np.uint8 else values
+    check_size(name, size[1], size[0])
+    if patch.inserted:
+        return InsertedView(frame, name, size[1], size[0])
+    return PatchView(frame.scene, name, size[1], size[0])

@@ -1,4 +1,4 @@
-"""From the radiance of a frame's patched samples to the linear levels of the pixels that show them."""
+"""The tone-mapped light of pixels from the radiance of their samples, with its derivative."""
 
 from __future__ import annotations
 
@@ -13,12 +13,18 @@ Values = NDArray[np.float64]
 
 
 class PixelLight:
-    """Mirrors of wet ground, rain, exposure, tone curve and antialiasing, by slot and pixel of a recording."""
+    """Reflections of wet ground, rain, exposure, tone curve and antialiasing of the pixels of a recording.
+
+    Args:
+        recording: The patched samples of a frame: N slots, Q pixels.
+        curve: The camera's response.
+        streak: Radiance of a streak of rain, [3].
+    """
 
     def __init__(self, recording: Recording, curve: CameraCurve, streak: NDArray[np.float32]) -> None:
         self._mirrors, size = recording.mirrors, len(recording.radiance)
         self._fixed = np.minimum(self._mirrors.sources, 0).astype(np.bool_)
-        # What wet ground mirrors beside a patch, and no texture changes.
+        # Reflections in wet ground that do not depend on a texture.
         self._mirrored = (recording.shown - recording.radiance).astype(np.float64)
         self._mirrored[recording.slots] = self._mirrored[self._mirrors.slots] = 0.0
         pixel = np.repeat(np.arange(len(recording.pixels)), recording.counts)
@@ -26,13 +32,13 @@ class PixelLight:
         exposed = (curve.gain.astype(np.float64)[:, None] * curve.white)[pixel]
         self._factor, self._rain = (1.0 - drops) * exposed, drops * streak * exposed
         self._weights, self._size = recording.weights.astype(np.float64)[:, None], size
-        places = np.arange(4)
-        inside = places < recording.counts[:, None]
-        self._slots = np.where(inside, recording.first_slots[:, None] + places, size)  # [Q, 4]; `size` holds zeros
+        numbers = np.arange(4)
+        used = numbers < recording.counts[:, None]
+        self._slots = np.where(used, recording.first_slots[:, None] + numbers, size)  # [Q, 4]; `size` is a row of zeros
         self._pixel = pixel
 
     def forward(self, radiance: Values) -> tuple[Values, tuple[Values, ...]]:
-        """Return the level of each pixel, [Q, 3] of [N, 3], and what `backward` needs."""
+        """Return the light of each pixel, [Q, 3], of the radiance of slots, [N, 3], and the values for `backward`."""
         m = self._mirrors
         shown: Values = radiance + self._mirrored
         limited: Values = np.zeros((len(m.slots), 3))
@@ -40,15 +46,15 @@ class PixelLight:
             source = np.where(self._fixed[:, None], m.limits, radiance[m.sources])
             limited = np.where(self._fixed[:, None] | (source > m.limits), 0.0, 1.0)
             shown[m.slots] += np.minimum(source, m.limits) * m.shares[:, None]
-        level, rise = camera_curve.tone(shown * self._factor + self._rain)
+        level, slope = camera_curve.tone(shown * self._factor + self._rain)
         weighted = np.concatenate([level * self._weights, np.zeros((1, 3))])
         a, b, c, d = (weighted[self._slots[:, k]] for k in range(4))
-        return ((a + b) + c) + d, (rise * self._weights * self._factor, limited)
+        return ((a + b) + c) + d, (slope * self._weights * self._factor, limited)
 
     def backward(self, saved: tuple[Values, ...], gradient: Values) -> Values:
-        """Return the gradient of the radiance, [N, 3] of [Q, 3]."""
-        (rise, limited), m = saved, self._mirrors
-        shown = gradient[self._pixel] * rise
+        """Return the gradient of the radiance, [N, 3], of a gradient of the pixels, [Q, 3]."""
+        (slope, limited), m = saved, self._mirrors
+        shown = gradient[self._pixel] * slope
         if not len(m.slots):
             return shown
         mirrored = shown[m.slots] * limited * m.shares[:, None]

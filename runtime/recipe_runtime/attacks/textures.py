@@ -1,4 +1,4 @@
-"""Textures that callers give: checked, and converted to what the renderer takes."""
+"""Checks of textures that callers pass, and their conversion to the renderer's form."""
 
 from __future__ import annotations
 
@@ -11,27 +11,46 @@ from recipe_compiler.ir.assets.png import MAX_PIXELS, MAX_SIDE
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.patches import PatchPlan
 
+Values = NDArray[np.float64]
+Texture = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.float64]
 
-def rendered_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
-    """Return the patch of a name.
+
+def textured_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
+    """Return the patch with a name, which must show a texture.
 
     Raises:
-        InputError: There is none, it shows the placeholder, or a texture is inserted into the finished picture.
+        InputError: No patch has this name, or its mode is `green`.
     """
     found = next((patch for patch in patches if patch.name == name), None)
     if found is None:
         names = ", ".join(patch.name for patch in patches)
         has = f"it has {names}" if names else "it has none"
         raise InputError(f"the variant has no patch {name!r}; {has}", code=Code.UNKNOWN_NAME)
-    if found.mode != "rendered":
+    if found.mode == "green":
         raise InputError(
-            f"patch {name}: its mode is {found.mode}, so no texture is rendered; choose a variant with mode rendered"
+            f"patch {name}: its mode is green, so it shows no texture; choose a variant with mode rendered"
+        )
+    return found
+
+
+def differentiable_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
+    """Return the patch with a name, which must have a gradient.
+
+    Raises:
+        InputError: No patch has this name, its mode is `green` or `color_transfer`, or its mode is `rendered` and
+            another patch's texture is inserted into the finished picture.
+    """
+    found = textured_patch(patches, name)
+    if found.mode == "color_transfer":
+        raise InputError(
+            f"patch {name}: its mode is color_transfer, through which there is no gradient; choose a variant with mode"
+            " rendered or digital"
         )
     inserted = [patch.name for patch in patches if patch.inserted]
-    if inserted:
+    if inserted and not found.inserted:
         raise InputError(
-            f"patch {inserted[0]}: its texture is inserted into the finished picture, so other textures cannot be"
-            " rendered below it; choose a variant without insertion"
+            f"patch {name}: there is no gradient in a picture into which the texture of {inserted[0]} is inserted;"
+            " choose a variant without insertion"
         )
     return found
 
@@ -40,9 +59,9 @@ def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, Any]) -> di
     """Return textures by the name of their patch, uint8 [h, w, 3] sRGB; see `as_array` for what is accepted.
 
     Raises:
-        InputError: A patch does not exist or shows the placeholder, or a texture is not an image.
+        InputError: A patch does not exist or its mode is `green`, or a texture is not an image.
     """
-    return {rendered_patch(patches, name).name: as_image(name, texture) for name, texture in textures.items()}
+    return {textured_patch(patches, name).name: as_image(name, texture) for name, texture in textures.items()}
 
 
 def as_image(name: str, texture: Any) -> NDArray[np.uint8]:
@@ -62,7 +81,8 @@ def as_array(name: str, texture: Any) -> NDArray[Any]:
         texture: An array [h, w, 3], or a tensor [3, h, w] or [1, 3, h, w]; uint8, or floats from 0 to 1.
 
     Raises:
-        InputError: It is something else, or larger than an image of a recipe may be.
+        InputError: It is of another shape or type, has values that are not finite, or is larger than an image of a
+            recipe may be.
     """
     if hasattr(texture, "detach"):  # a tensor, channels first
         texture = texture.detach().cpu().numpy()
@@ -90,3 +110,15 @@ def check_size(name: str, width: int, height: int) -> None:
             f"the texture of {name} is {width} x {height}; at most {MAX_SIDE} per side and {MAX_PIXELS} pixels"
             " are allowed"
         )
+
+
+def as_values(texture: Texture, shape: tuple[int, ...]) -> Values:
+    """Return a texture as float64, 0 to 1.
+
+    Raises:
+        ValueError: It does not have the shape.
+    """
+    if texture.shape != shape:
+        raise ValueError(f"the texture has the shape {texture.shape}, not {shape}")
+    values: Values = texture.astype(np.float64)
+    return values / 255.0 if texture.dtype == np.uint8 else values

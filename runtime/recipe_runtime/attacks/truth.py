@@ -1,8 +1,8 @@
-"""Where the patches of a frame are in its picture: what an attacker has to know.
+"""Ground truth of patches: where the patches of a frame are in its picture.
 
-A rectangle's corners are points on its edge, clockwise from the top left of its texture: raw; clipped to the picture;
-and as whole numbers, the pixels that contain the clipped ones. A body that is covered whole has the corners of its
-mask's box. Pixel (0, 0) has its top-left corner at (0, 0) and its centre at (0.5, 0.5).
+A rectangle's corners are listed clockwise from the top left of its texture, in three forms: as projected; clipped to
+the picture; and as the integer coordinates of the pixels that contain the clipped ones. A body that is entirely covered
+has the corners of its mask's box. Pixel (0, 0) has its top-left corner at (0, 0) and its centre at (0.5, 0.5).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from recipe_runtime.insertion import projection
 
 Corners = list[list[float]]
 
-_GRID = 1 << 20  # depths are added as whole multiples of 2^-20 m, so that their sum has no order
+_GRID = 1 << 20  # depths are added as integer multiples of 2^-20 m, so that their sum does not depend on the order
 
 
 class PatchRecord(TypedDict):
@@ -34,17 +34,17 @@ class PatchRecord(TypedDict):
 
     name: str
     mode: str
-    body: str  # what carries it
+    body: str  # element of the town, actor or prop that it is on
     texture: str  # sha256:... of its image in this frame, or its colour
-    corners: Corners | None  # x, y; None if a corner is behind the camera, or a body that is covered whole is not seen
+    corners: Corners | None  # x, y; None if a corner is behind the camera, or an entirely covered body is not visible
     corners_clipped: Corners | None  # within the picture
     corners_int: list[list[int]] | None  # the pixels that contain these
     area: int  # pixels whose centres show it
-    amodal_area: int | None  # pixels that would with nothing before it; None for a prop that is covered whole
-    visible_fraction: float | None  # area / amodal_area; 0 out of the picture
+    amodal_area: int | None  # the same without occlusion; None for a prop that is entirely covered
+    visible_fraction: float | None  # area / amodal_area; 0 outside the picture
     depth: float | None  # mean depth of the visible pixels, metres along the optical axis; None if there are none
     counts: str | None  # mask of the visible pixels in COCO's compressed run-length code
-    homography: list[list[float]] | None  # see `projection.homography`; None for a body that is covered whole
+    homography: list[list[float]] | None  # see `projection.homography`; None for a body that is entirely covered
 
 
 class FrameTruth(TypedDict):
@@ -58,7 +58,7 @@ class FrameTruth(TypedDict):
 
 
 class PatchAnnotator:
-    """Makes the truth of the patches of one scene.
+    """Computes the ground truth of the patches of one scene.
 
     Args:
         scene: The plan of the scene.
@@ -78,7 +78,7 @@ class PatchAnnotator:
         world_from_sensor: Array,
         frame: int,
     ) -> FrameTruth:
-        """Return the truth of all patches of a frame.
+        """Return the ground truth of all patches of a frame.
 
         Args:
             patches: The patches of the appearance.
@@ -111,9 +111,9 @@ class PatchAnnotator:
         }
 
     def _amodal(self, patch: PatchPlan, seen: Observed, mask: Mask | None) -> int | None:
-        """Pixels of a patch that covers a body whole, if nothing stood before the body; None for a prop.
+        """Return the amodal area of a patch that covers an entire body, in pixels; None for a prop.
 
-        It is the patch's share of the body's visible pixels, of the body's pixels with nothing before it.
+        It is the body's amodal area times the patch's share of the body's visible pixels.
         """
         instance = self._instances.get(patch.body)
         if instance is None:
@@ -193,7 +193,7 @@ def _mean_depth(depths: NDArray[np.float32]) -> float:
 def patch_truth(
     source: SceneSource, appearance: AppearancePlan, sensor: SensorPlan, seen: Observed, frame: int
 ) -> FrameTruth:
-    """Return the truth of an appearance's patches in a frame.
+    """Return the ground truth of an appearance's patches in a frame.
 
     Args:
         source: The scene.

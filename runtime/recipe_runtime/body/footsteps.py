@@ -1,4 +1,4 @@
-"""Footsteps: where the feet of a person who stands, walks, runs, turns or stops are put on the ground.
+"""Footsteps: positions of the feet on the ground of a person who stands, walks, runs, turns or stops.
 
 A foot is put down at a place in the world and stays there until it is lifted, whatever the body does in the meantime.
 The phase of the stride decides when: the left foot is put down at 0 and the right one at 0.5, each for the duty factor

@@ -29,7 +29,7 @@ _MAX_BYTES = 1 << 16
 
 
 def record_path(out: Path) -> Path:
-    """Return the path of a dataset's record, beside the dataset's folder."""
+    """Return the path of a dataset's record, next to the dataset's folder."""
     return out.with_name(f".{out.name}.source.json")
 
 

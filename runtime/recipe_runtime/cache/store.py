@@ -178,7 +178,7 @@ def _equal_motion(one: Trace, other: Trace) -> bool:
 
 
 def _is_own(found: os.stat_result) -> bool:
-    """Whether nobody else can have written a file: anyone can compute the digest of an entry."""
+    """Return whether no other user can have written a file: anyone can compute the digest of an entry."""
     return found.st_uid in (os.geteuid(), 0) and not found.st_mode & stat.S_IWOTH
 
 

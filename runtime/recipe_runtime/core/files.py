@@ -191,7 +191,7 @@ def link_or_copy(source: Path, target: Path) -> None:
 
 
 def _fresh(path: Path) -> tuple[Path, int]:
-    """Create a uniquely named temporary file beside a path, safe against writers on other hosts."""
+    """Create a uniquely named temporary file next to a path, safe against writers on other hosts."""
     made = 0
     for number in itertools.count():
         temporary = path.with_name(f".{path.name}.{os.getpid()}.{number}.tmp")

@@ -93,7 +93,7 @@ def label_copies(plan: DatasetPlan, variant: str, sensor: SensorPlan, frame: int
 
 
 def recipe_lockfile(name: str) -> str:
-    """The lockfile beside the recipe of that name."""
+    """The lockfile next to the recipe of that name."""
     return f"{RECIPE}/lockfiles/{name}.lock"
 
 

@@ -1,6 +1,6 @@
 """Command lines of Python child processes, with this process's import path and without the current folder.
 
-`python -m` and `python -c` put the current folder first on the import path, so that a `numpy.py` beside a recipe would
+`python -m` and `python -c` put the current folder first on the import path, so that a `numpy.py` next to a recipe would
 be imported. The child's first statement sets its parent's path without the entry for the current folder.
 """
 

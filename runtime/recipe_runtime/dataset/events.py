@@ -1,7 +1,7 @@
-"""`events.csv`: what happens in a variant, one interval of time a row.
+"""`events.csv`: the events of a variant, with a row for each interval of time.
 
-Collisions are those of the simulation, which are kept with the Trace; presence follows from the Trace, lights from the
-plan, and tracks from the labels.
+Collisions come from the contacts in the Trace, presence from the motion in the Trace, lights from the plan, and tracks
+from the labels.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Event = tuple[int, int, float, float, str, str, str, str, str]
 
 
 def events_csv(scene: ScenePlan, trace: Trace, videos: Sequence[Video]) -> Iterator[bytes]:
-    """Yield the file in pieces: a header, then the events in the order of their beginning.
+    """Yield the file in pieces: a header, then the events in the order of their first frames.
 
     Args:
         scene: The scene of the variant.
-        trace: Its motion.
-        videos: The videos of the variant.
+        trace: The motion of the scene.
+        videos: The videos of the variant, with their labels.
     """
     yield COLUMNS.encode() + b"\n"
     found = [*_collisions(scene, trace), *_presence(scene, trace), *_lights(scene), *_tracks(scene, videos)]
@@ -44,7 +44,7 @@ def _event(scene: ScenePlan, kind: str, frames: Interval, subject: str, value: s
 
 
 def _collisions(scene: ScenePlan, trace: Trace) -> Iterator[Event]:
-    """Yield the contacts that end after frame 0 began; their value is the impulse in N s."""
+    """Yield the contacts that do not end before frame 0; their value is the impulse in N s."""
     clock = scene.clock
     for contact in trace.contacts or ():
         if contact.end < 0:
@@ -58,14 +58,14 @@ def _collisions(scene: ScenePlan, trace: Trace) -> Iterator[Event]:
 
 def _presence(scene: ScenePlan, trace: Trace) -> Iterator[Event]:
     """Yield the intervals in which each actor is in the scene."""
-    there = presence(trace, range(trace.frames))
+    present = presence(trace, range(trace.frames))
     for number, actor in enumerate(trace.actors):
-        for frames in _runs(there[:, number].tolist()):
+        for frames in _runs(present[:, number].tolist()):
             yield _event(scene, "presence", frames, actor, "")
 
 
 def _lights(scene: ScenePlan) -> Iterator[Event]:
-    """Yield the intervals in which each traffic light shows a light to vehicles, and to pedestrians."""
+    """Yield the intervals of equal signals of each traffic light, for vehicles and for pedestrians."""
     times = [frame / scene.clock.fps for frame in range(scene.clock.frames)]
     for element in scene.town.elements:
         if element.kind != "traffic_light":
@@ -79,7 +79,7 @@ def _lights(scene: ScenePlan) -> Iterator[Event]:
 
 
 def _tracks(scene: ScenePlan, videos: Sequence[Video]) -> Iterator[Event]:
-    """Yield the first and the last frame in which each actor is visible to a sensor; the value counts its frames."""
+    """Yield the first and last frame in which each actor is visible to a sensor; the value is its number of frames."""
     for video in videos:
         seen: dict[str, list[int]] = {}
         for record in video.frames:
@@ -90,7 +90,7 @@ def _tracks(scene: ScenePlan, videos: Sequence[Video]) -> Iterator[Event]:
 
 
 def _runs(values: Sequence[object]) -> Iterator[Interval]:
-    """Yield the intervals of equal values; those of False are left out."""
+    """Yield the intervals of equal values, except those of False."""
     starts = [n for n, value in enumerate(values) if n == 0 or value != values[n - 1]]
     for start, end in zip(starts, [*starts[1:], len(values)], strict=True):
         if values[start] is not False:

@@ -103,7 +103,7 @@ def read(root: Path, name: str = "") -> Dataset:
 
 
 def _nearest_dataset(root: Path) -> str | None:
-    """A remedy for a folder that is no dataset: a dataset in it, or one beside it with a similar name, if any."""
+    """A remedy for a folder that is not a dataset: a dataset in it, or one next to it with a similar name, if any."""
 
     def datasets(folder: Path) -> list[Path]:
         try:

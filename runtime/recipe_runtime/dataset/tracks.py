@@ -18,15 +18,15 @@ COLUMNS = (
     "frame,time,actor,instance,present,x,y,z,qx,qy,qz,qw,yaw,vx,vy,vz,wx,wy,wz,"
     "roll,pitch,roll_rate,pitch_rate,box_x,box_y,box_z,length,width,height"
 )
-_ABSENT = -500.0  # metres: actors that have left the scene lie below
-_FRAMES = 16  # frames of a piece of the file
+_ABSENT = -500.0  # metres: actors outside the scene are below this height
+_FRAMES = 16  # frames in a piece of the file
 
 
 def tracks_csv(scene: ScenePlan, trace: Trace) -> Iterator[bytes]:
     """Yield the file in pieces: one row per frame and actor, for its base part in the world frame.
 
-    Positions in metres, a quaternion, angles in degrees, velocities in metres and radians per second, the rates of roll
-    and pitch in degrees per second; centre and size of the body box in metres.
+    Units: positions, and centre and size of the body box, in metres; rotation as a unit quaternion; angles in degrees;
+    velocities in metres and radians per second; rates of roll and pitch in degrees per second.
     """
     names = [field(name) for name in trace.actors]
     instances = {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}
@@ -35,22 +35,22 @@ def tracks_csv(scene: ScenePlan, trace: Trace) -> Iterator[bytes]:
     yield COLUMNS.encode() + b"\n"
     for start in range(0, trace.frames, _FRAMES):
         frames = range(start, min(start + _FRAMES, trace.frames))
-        there = presence(trace, frames).tolist()
+        present = presence(trace, frames).tolist()
         rows = _values(trace, boxes, frames, scene.clock.fps).tolist()
         lines = [
             f"{frame},{text(frame / scene.clock.fps)},{head},{int(now[n])}," + ",".join(map(text, row[n])) + "\n"
-            for frame, now, row in zip(frames, there, rows, strict=True)
+            for frame, now, row in zip(frames, present, rows, strict=True)
             for n, head in enumerate(heads)
         ]
         yield "".join(lines).encode()
 
 
 def presence(trace: Trace, frames: range) -> NDArray[np.bool_]:
-    """Return whether each actor is in the scene at some frames, [F, A]: traffic may leave and enter again."""
+    """Return whether each actor is in the scene at some frames, bool [F, A]: traffic may leave and enter again."""
     bases = [trace.base_part(actor) for actor in trace.actors]
-    there: NDArray[np.bool_] = trace.positions[frames.start : frames.stop, bases, 2] > _ABSENT * METRE
+    present: NDArray[np.bool_] = trace.positions[frames.start : frames.stop, bases, 2] > _ABSENT * METRE
     trace.release()
-    return there
+    return present
 
 
 def field(name: str) -> str:
@@ -69,43 +69,43 @@ def _values(trace: Trace, boxes: GroundedBoxes, frames: range, fps: int) -> Arra
     wide = range(max(0, frames.start - 1), min(trace.frames, frames.stop + 1))
     inner = slice(frames.start - wide.start, frames.stop - wide.start)
     positions = trace.positions[frames.start : frames.stop, bases] / METRE
-    turns = trace.rotations[wide.start : wide.stop, bases] / UNIT
-    angles, there = _angles(turns), presence(trace, wide)
+    rotations = trace.rotations[wide.start : wide.stop, bases] / UNIT
+    angles, present = _angles(rotations), presence(trace, wide)
     motion = np.concatenate([array[frames.start : frames.stop] / METRE for array in (trace.linear, trace.angular)], -1)
     return np.concatenate(
         [
             positions,
-            turns[inner],
+            rotations[inner],
             angles[inner, :, 2:],
             motion,
             angles[inner, :, :2],
-            _rates(angles[..., :2], there, fps)[inner],
+            _rates(angles[..., :2], present, fps)[inner],
             _boxes(trace, boxes, frames),
         ],
         axis=-1,
     )
 
 
-def _angles(turns: Array) -> Array:
+def _angles(rotations: Array) -> Array:
     """Return roll, pitch and yaw, degrees, of quaternions x, y, z, w [..., 4]; R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    x, y, z, w = (turns[..., n] for n in range(4))
+    x, y, z, w = (rotations[..., n] for n in range(4))
     forward_x, forward_y, forward_z = 1.0 - 2.0 * (y * y + z * z), 2.0 * (w * z + x * y), 2.0 * (x * z - w * y)
     level = np.sqrt(forward_x * forward_x + forward_y * forward_y)
     roll = atan2_deg(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
     return np.stack([roll, atan2_deg(-forward_z, level), atan2_deg(forward_y, forward_x)], axis=-1)
 
 
-def _rates(angles: Array, there: NDArray[np.bool_], fps: int) -> Array:
+def _rates(angles: Array, present: NDArray[np.bool_], fps: int) -> Array:
     """Return the rates of angles [F, A, N], degrees, in degrees per second.
 
-    From the frame before to the frame after; at the ends, and where an actor enters or leaves, from or to the frame.
+    Rates are central differences; at the ends, and where an actor enters or leaves, one-sided differences.
     """
     before, after = np.zeros_like(angles), np.zeros_like(angles)
     steps = angles[1:] - angles[:-1]
     steps = steps - 360.0 * np.floor(steps / 360.0 + 0.5)
-    moved = (there[1:] & there[:-1])[..., None]
+    moved = (present[1:] & present[:-1])[..., None]
     before[1:], after[:-1] = np.where(moved, steps, 0.0), np.where(moved, steps, 0.0)
-    count = np.zeros((*there.shape, 1))
+    count = np.zeros((*present.shape, 1))
     count[1:] += moved
     count[:-1] += moved
     rates: Array = (before + after) * fps / np.maximum(count, 1.0)

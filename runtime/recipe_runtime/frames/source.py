@@ -63,7 +63,7 @@ class SceneSource:
         self._motion = SceneMotion(scene, trace)
         self._renderer = renderer
         self._annotator: Annotator | None = None
-        self._inserter = Inserter(trace, self._engines.assets.image)
+        self.inserter = Inserter(trace, self._engines.assets.image)
         self.use_streams = device != "cpu"  # whether concurrent frames are faster than single ones
         self._stream: tuple[str, Any] = "", None  # the stream used last, with its key
 
@@ -124,7 +124,7 @@ class SceneSource:
 
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[np.uint8]:
         """Return the colour image of an observation, with inserted textures, uint8 [H, W, 3] sRGB."""
-        return self._inserter.picture(_ObservedFrame(self, seen, sensor, frame), appearance, sensor, frame)
+        return self.inserter.picture(_ObservedFrame(self, seen, sensor, frame), appearance, sensor, frame)
 
     def shade_scene(
         self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int

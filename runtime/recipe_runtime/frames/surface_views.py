@@ -53,7 +53,7 @@ def _still() -> Trace:
 
 
 def _standpoint(patch: PatchPlan) -> Pose:
-    """The pose of a camera before the middle of a rectangle; obliquely above one that lies flat."""
+    """Return the pose of a camera in front of the middle of a rectangle; obliquely above a level one."""
     face = patch.faces[0]
     middle = [sum(corner[axis] for corner in face.corners) / 4 for axis in range(3)]
     sine, cosine = exact.sin_cos_deg(_FIELD / 2.0)

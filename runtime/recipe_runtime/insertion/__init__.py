@@ -1,1 +1,1 @@
-"""Textures inserted into finished pictures: by a homography, with a colour transform or without."""
+"""Insertion of textures into finished pictures: by a homography, with or without a colour transform."""

@@ -1,7 +1,7 @@
-"""A chart of 24 known colours in the place of a patch: the calibration colours of a colour transform.
+"""A chart of 24 known colours in the place of a patch, from which a colour transform is fitted.
 
-The chart is rendered as a patch is, with six columns and four rows of cells, so the same light, weather and camera act
-on it. Only pixels are used whose eight neighbours show the same cell; of a cell without such pixels, all.
+The chart has six columns and four rows of cells, which are rendered as patches under the same light, weather and
+camera. Only pixels whose eight neighbours show the same cell are used, or all pixels of a cell without such pixels.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ COLORS: tuple[tuple[int, int, int], ...] = (
 
 @dataclass(frozen=True)
 class ChartPixels:
-    """What a picture shows of the chart: `counts[cell, channel, level]`, the number of pixels, int64 [24, 3, 256]."""
+    """Histograms of the chart's cells in a picture: number of pixels by cell, channel and level, int64 [24, 3, 256]."""
 
     counts: NDArray[np.int64]
 
     @property
     def cells(self) -> list[int]:
-        """The cells that are seen."""
+        """The visible cells."""
         return [cell for cell in range(len(COLORS)) if self.counts[cell, 0].any()]
 
     def mean(self, cell: int, channel: int) -> float:
-        """The mean 8-bit value of a cell that is seen."""
+        """Return the mean 8-bit value of a visible cell."""
         row = self.counts[cell, channel]
         return int((row * np.arange(256)).sum()) / int(row.sum())
 
 
 def chart_appearance(appearance: AppearancePlan, number: int) -> AppearancePlan:
-    """Return an appearance whose patch of this number, from 0, is the chart; its cells are numbered from there on."""
+    """Return an appearance in which the chart's cells, as patches, replace the patch with this index."""
     patch = appearance.patches[number]
     cells = tuple(_cell(patch, cell) for cell in range(len(COLORS)))
     patches = (*appearance.patches[:number], *cells, *appearance.patches[number + 1 :])
@@ -50,14 +50,14 @@ def chart_appearance(appearance: AppearancePlan, number: int) -> AppearancePlan:
 
 
 def chart_pixels(picture: NDArray[np.uint8], patch_map: NDArray[np.uint8], number: int) -> ChartPixels:
-    """Return what a picture shows of the chart.
+    """Return the histograms of the chart's cells in a picture.
 
     Args:
         picture: The picture of a `chart_appearance`, uint8 [H, W, 3].
-        patch_map: 1 + the number of the patch that each of its pixels shows, uint8 [H, W].
-        number: The number of the chart's first cell, from 0.
+        patch_map: 1 + the index of the patch that each of its pixels shows, uint8 [H, W].
+        number: The index of the chart's first cell.
     """
-    inner = _alike_around(patch_map)
+    inner = _uniform_neighbourhood(patch_map)
     counts = np.zeros((len(COLORS), 3, 256), np.int64)
     for cell in range(len(COLORS)):
         shown = patch_map == number + 1 + cell
@@ -69,7 +69,7 @@ def chart_pixels(picture: NDArray[np.uint8], patch_map: NDArray[np.uint8], numbe
 
 
 def _cell(patch: PatchPlan, cell: int) -> PatchPlan:
-    """The patch of one cell: a part of the patch's rectangle, in the cell's colour."""
+    """Return the patch of one cell: a part of the patch's rectangle, in the cell's colour."""
     face, (row, column) = patch.faces[0], divmod(cell, COLUMNS)
     width, height = face.width / COLUMNS, face.height / ROWS
     corner = tuple(
@@ -82,9 +82,9 @@ def _cell(patch: PatchPlan, cell: int) -> PatchPlan:
     )
 
 
-def _alike_around(patch_map: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Which pixels' eight neighbours have the same number; none at the picture's edge."""
-    alike = np.zeros(patch_map.shape, bool)
+def _uniform_neighbourhood(patch_map: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Return the pixels whose eight neighbours have the same value; False at the picture's edge."""
+    uniform = np.zeros(patch_map.shape, bool)
     height, width = patch_map.shape
     if height > 2 and width > 2:
         middle = patch_map[1:-1, 1:-1]
@@ -92,5 +92,5 @@ def _alike_around(patch_map: NDArray[np.uint8]) -> NDArray[np.bool_]:
         for dy in range(3):
             for dx in range(3):
                 same &= patch_map[dy : height - 2 + dy, dx : width - 2 + dx] == middle
-        alike[1:-1, 1:-1] = same
-    return alike
+        uniform[1:-1, 1:-1] = same
+    return uniform

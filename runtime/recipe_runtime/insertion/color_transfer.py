@@ -1,14 +1,16 @@
 """Colour transforms of a texture that is inserted into a picture, by published methods.
 
-- dapricot: D-APRICOT's, as Armory has it. A matrix [3, 4] from known to observed colours of a chart, both decoded with
-  an exponent of 2.2, is applied to the texture; after insertion each pixel is multiplied by its brightness ratio.
-- matrix: the same, but the ratio is to the placeholder's brightness through the matrix, so that light counts once.
-- armory: Armory's for CARLA: the brightness ratio alone.
-- reap: REAP's polynomial of degree 1: one line per channel from known to observed values of the chart, without the
-  hundredth of the pixels that differ most.
+- dapricot: Armory's implementation of D-APRICOT. A matrix [3, 4] from known to observed colours of a chart, both
+  decoded with a gamma of 2.2, is applied to the texture; after insertion each pixel is multiplied by its brightness
+  ratio.
+- matrix: likewise, but the ratio is relative to the placeholder's brightness as the matrix predicts it, so that light
+  is not applied twice.
+- armory: as in Armory's CARLA attacks: only the brightness ratio.
+- reap: REAP's polynomial of degree 1: a linear fit per channel from known to observed values of the chart, without the
+  1 % of pixels that differ most.
 
-The brightness ratio of a pixel is the greatest channel of what it shows of the placeholder, divided by the greatest
-channel of the placeholder itself.
+The brightness ratio of a pixel is the largest channel of the placeholder in the picture, divided by the largest channel
+of the placeholder's own colour.
 """
 
 from __future__ import annotations
@@ -35,15 +37,15 @@ _KEPT = 99, 100  # share of the pixels that the fit keeps, as a fraction: REAP's
 class Transfer:
     """A colour transform.
 
-    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `reference` is the placeholder's greatest
-    channel to which the brightness of each pixel is related; None if its brightness is not used.
+    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `reference` is the denominator of the brightness
+    ratio; None if the method has no brightness ratio.
     """
 
     texture: Callable[[Array], Array]
     reference: float | None
 
     def ratios(self, placeholder: NDArray[np.uint8]) -> Array:
-        """Return the factors [N, 1] of pixels [N, 3] that show the placeholder."""
+        """Return the brightness ratios [N, 1] of pixels that show the placeholder, uint8 [N, 3]."""
         if self.reference is None:
             return np.ones((len(placeholder), 1))
         ratios: Array = placeholder.max(axis=1, keepdims=True).astype(np.float64) / self.reference
@@ -51,7 +53,7 @@ class Transfer:
 
 
 def uses_chart(method: TransferMethod | None) -> bool:
-    """Whether a method, or None, needs the picture of a chart."""
+    """Return whether a method, or None, needs the picture of a chart."""
     return method in ("dapricot", "matrix", "reap")
 
 
@@ -60,7 +62,7 @@ def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:
 
     Args:
         method: The method.
-        chart: What the picture shows of the chart, for a method that uses it. If too few of its cells are seen, the
+        chart: The chart in the picture, for a method that uses it. If too few of its cells are visible for a fit, the
             transform is that of `armory`.
     """
     if method in ("dapricot", "matrix") and chart is not None:
@@ -77,7 +79,7 @@ def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:
 
 
 def _matrix(chart: ChartPixels) -> list[list[float]] | None:
-    """The rows, one per channel, that make linear observed colours of (r, g, b, 1); None if undetermined."""
+    """Return the matrix from known colours (r, g, b, 1) to observed ones, both decoded; None if undetermined."""
     cells = chart.cells
     known = [[*(_decoded()[value] for value in COLORS[cell]), 1.0] for cell in cells]
     rows = []
@@ -91,19 +93,19 @@ def _matrix(chart: ChartPixels) -> list[list[float]] | None:
 
 
 def _through_matrix(texture: Array, matrix: list[list[float]]) -> Array:
-    """A texture through a matrix, rounded to levels before and down to levels after, as D-APRICOT does."""
+    """Apply a matrix to a texture; levels are rounded before and truncated after, as D-APRICOT does."""
     levels = np.floor(texture + 0.5).astype(np.int64)
     r, g, b = (np.array(_decoded())[levels[..., channel]] for channel in range(3))
     out = np.empty_like(texture)
     for channel, (x, y, z, one) in enumerate(matrix):
         linear = ((x * r + y * g) + z * b) + one
         out[..., channel] = np.searchsorted(np.array(_decoded()[1:]), linear, side="right")
-    out[levels == 255] = 255.0  # saturated values stay
+    out[levels == 255] = 255.0  # D-APRICOT does not change saturated values
     return out
 
 
 def _lines(chart: ChartPixels) -> list[tuple[float, float]] | None:
-    """Slope and offset of each channel; None if undetermined."""
+    """Return slope and offset of each channel; None if undetermined."""
     found = []
     for channel in range(3):
         cells, seen = np.nonzero(chart.counts[:, channel])
@@ -130,5 +132,5 @@ def _through_lines(texture: Array, lines: list[tuple[float, float]]) -> Array:
 
 @cache
 def _decoded() -> tuple[float, ...]:
-    """The linear value of each level."""
+    """Return the decoded value, 0 to 1, of each level."""
     return tuple(exact.power(level / 255.0, _GAMMA) for level in range(256))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.patches import PatchPlan
-from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, SensorPlan, TexturePlan
+from recipe_compiler.ir.plan import AppearancePlan, SensorPlan, TexturePlan
 
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, sensor_transform
@@ -28,7 +29,27 @@ class FrameRenderer(Protocol):
         """Return the picture, uint8 [H, W, 3] sRGB. The next call may overwrite it."""
 
     def patch_map(self, appearance: AppearancePlan) -> NDArray[np.uint8]:
-        """Return 1 + the number of the patch that each pixel shows, uint8 [H, W]; 0 for none."""
+        """Return 1 + the index of the patch that each pixel shows, uint8 [H, W]; 0 for none."""
+
+
+@dataclass(frozen=True, eq=False)
+class InsertedPixels:
+    """The pixels into which the texture of a patch is inserted, N of them, and where in the texture they lie."""
+
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    x: Array  # of a pinhole camera's picture, pixels
+    y: Array
+    homography: Array  # [3, 3] from (x, y, 1) to the texture, 0 to 1 each, times a factor
+
+    def reduced_size(self, width: int, height: int) -> tuple[int, int]:
+        """Return the width and height to which a texture of a size is reduced."""
+        return texture_size((width, height), self.homography, self.x, self.y)
+
+    def places(self) -> tuple[Array, Array]:
+        """Return u and v of the pixels, 0 to 1 each from the texture's top left."""
+        u, v, _ = projection.apply_homography(self.homography, self.x, self.y)
+        return u, v
 
 
 class Inserter:
@@ -44,36 +65,69 @@ class Inserter:
         self._images: OrderedDict[str, Image] = OrderedDict()
 
     def picture(
-        self, renderer: FrameRenderer, appearance: AppearancePlan, sensor: SensorPlan, frame: int
+        self,
+        renderer: FrameRenderer,
+        appearance: AppearancePlan,
+        sensor: SensorPlan,
+        frame: int,
+        textures: Mapping[str, Image] | None = None,
     ) -> NDArray[np.uint8]:
-        """Return the picture of a frame, with the textures that are inserted into it, uint8 [H, W, 3] sRGB.
+        """Return the picture of a frame with inserted textures, uint8 [H, W, 3] sRGB.
 
         Args:
             renderer: The renderer of the frame.
             appearance: The appearance.
             sensor: The sensor.
             frame: Number of the frame.
+            textures: Images to insert in place of the recipe's, uint8 [h, w, 3] sRGB, by the name of the patch.
         """
         picture = renderer.picture(appearance)
         if not any(patch.inserted for patch in appearance.patches):
             return picture
         before, picture = picture.copy(), picture.copy()
-        shown = renderer.patch_map(appearance)
-        view = projection.view_from_world(sensor_transform(sensor, self._trace, frame))
+        shown, others = renderer.patch_map(appearance), textures or {}
         for number, patch in enumerate(appearance.patches):
-            rows, columns = np.nonzero(shown == number + 1)
-            if not patch.inserted or not len(rows):
+            pixels = self.pixels(shown, appearance, number, sensor, frame) if patch.inserted else None
+            if pixels is None:
                 continue
-            there = projection.view_from_part(patch, self._trace, frame, view)
-            back = projection.inverse(projection.homography(patch.faces[0], sensor.camera, there))
             chart = _chart(renderer, appearance, number) if uses_chart(patch.transfer) else None
-            texture = self._texture(patch, frame)
-            values = _values(patch, texture, chart, back, sensor.camera, columns, rows, before[rows, columns])
+            texture = others[patch.name] if patch.name in others else self._texture(patch, frame)
+            rows, columns = pixels.rows, pixels.columns
+            values = _values(patch, texture, chart, pixels, before[rows, columns])
             picture[rows, columns] = np.floor(np.clip(values, 0.0, 255.0) + 0.5).astype(np.uint8)
         return picture
 
+    def pixels(
+        self, patch_map: NDArray[np.uint8], appearance: AppearancePlan, number: int, sensor: SensorPlan, frame: int
+    ) -> InsertedPixels | None:
+        """Return the pixels into which a patch is inserted; None if it is not seen.
+
+        Args:
+            patch_map: 1 + the number of the patch that each pixel shows, uint8 [H, W].
+            appearance: The appearance.
+            number: The number of the patch, from 0.
+            sensor: The sensor.
+            frame: Number of the frame.
+        """
+        rows, columns = np.nonzero(patch_map == number + 1)
+        if not len(rows):
+            return None
+        patch, camera = appearance.patches[number], sensor.camera
+        view = projection.view_from_world(sensor_transform(sensor, self._trace, frame))
+        there = projection.view_from_part(patch, self._trace, frame, view)
+        back = projection.inverse(projection.homography(patch.faces[0], camera, there))
+        x, y = projection.undistorted(camera, columns.astype(np.float64) + 0.5, rows.astype(np.float64) + 0.5)
+        return InsertedPixels(rows, columns, x, y, back)
+
+    def texture_size(self, patch: PatchPlan, frame: int) -> tuple[int, int] | None:
+        """Return width and height of a patch's own image; None for a colour."""
+        if patch.texture.at(frame) is None:
+            return None
+        texture = self._texture(patch, frame)
+        return texture.shape[1], texture.shape[0]
+
     def _texture(self, patch: PatchPlan, frame: int) -> Image:
-        """The texture of a patch in a frame; one texel for a colour."""
+        """Return the texture of a patch in a frame; a single texel for a colour."""
         file = patch.texture.at(frame)
         if file is None:
             code = str(patch.texture.colour)
@@ -87,7 +141,7 @@ class Inserter:
 
 
 def _chart(renderer: FrameRenderer, appearance: AppearancePlan, number: int) -> ChartPixels:
-    """What the frame shows of a colour chart in the place of a patch."""
+    """Render a colour chart in the place of a patch, and return its histograms."""
     with_chart = chart_appearance(appearance, number)
     picture = renderer.picture(with_chart)
     return chart_pixels(picture, renderer.patch_map(with_chart), number)
@@ -97,27 +151,20 @@ def _values(
     patch: PatchPlan,
     texture: Image,
     chart: ChartPixels | None,
-    back: Array,
-    camera: CameraPlan,
-    columns: NDArray[np.int64],
-    rows: NDArray[np.int64],
+    pixels: InsertedPixels,
     placeholder: NDArray[np.uint8],
 ) -> Array:
-    """The inserted values of pixels, float64 [N, 3], before clipping and rounding.
+    """Return the inserted values of pixels, float64 [N, 3], before clipping and rounding.
 
     Args:
         patch: The patch.
         texture: Its texture.
-        chart: What the picture shows of a chart in its place, if its transform needs that.
-        back: The homography [3, 3] from undistorted pixels to the texture.
-        camera: The camera.
-        columns: The pixels' columns, [N].
-        rows: Their rows, [N].
+        chart: The histograms of a chart in its place, if its transform needs them.
+        pixels: The pixels.
         placeholder: Their values before insertion, uint8 [N, 3].
     """
-    x, y = projection.undistorted(camera, columns.astype(np.float64) + 0.5, rows.astype(np.float64) + 0.5)
-    image = reduced(texture, *texture_size(texture, back, x, y))
-    u, v, _ = projection.apply_homography(back, x, y)
+    image = reduced(texture, *pixels.reduced_size(texture.shape[1], texture.shape[0]))
+    u, v = pixels.places()
     if patch.transfer is None:
         return sampled(image, u, v)
     change = transfer(patch.transfer, chart)

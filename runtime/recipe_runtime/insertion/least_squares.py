@@ -1,4 +1,4 @@
-"""Least squares of small systems in rational numbers: exact, so that the result does not depend on the host."""
+"""Exact least squares of small systems in rational numbers, so that results do not depend on the host."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ def least_squares(
 ) -> list[float] | None:
     """Return the coefficients that minimise the weighted sum of (row . coefficients - target)^2.
 
-    Each is the float64 next to the exact solution.
+    The exact solution is rounded to float64.
 
     Args:
         rows: One row of terms per equation.
-        targets: One per equation.
-        weights: One per equation; 1 each by default.
+        targets: One target per equation.
+        weights: One weight per equation; 1 each by default.
 
     Returns:
         One coefficient per term; None if the rows do not determine them.
@@ -34,7 +34,7 @@ def least_squares(
 
 
 def _solved(system: list[list[Fraction]]) -> list[float] | None:
-    """Gauss-Jordan elimination of a system [n, n + 1]; None if it is singular."""
+    """Solve a system [n, n + 1] in place by Gauss-Jordan elimination; None if it is singular."""
     for column in range(len(system)):
         pivot = next((k for k in range(column, len(system)) if system[k][column] != 0), None)
         if pivot is None:

@@ -1,4 +1,4 @@
-"""The projection of points and of patches' faces into a camera's picture, in float64 and in a fixed order.
+"""Projection of points and of patches' faces into a camera's picture, in float64 with a fixed order of operations.
 
 Pixel (0, 0) has its top-left corner at (0, 0) and its centre at (0.5, 0.5). The view has x right, y down, z forward.
 """
@@ -20,24 +20,28 @@ _NEWTON_STEPS = 12
 
 
 def intrinsics(camera: CameraPlan) -> Matrix:
-    """Return the camera matrix [3, 3] of the camera without its lens' distortion: pixels from view directions."""
+    """Return the camera matrix [3, 3] without lens distortion: from directions in the view to pixels."""
     focal = optics.focal_length(camera)
     return np.array([[focal, 0.0, camera.width / 2.0], [0.0, focal, camera.height / 2.0], [0.0, 0.0, 1.0]])
 
 
 def view_from_world(world_from_sensor: Array) -> Array:
-    """Return the transform [3, 4] into the view of a sensor with this pose [3, 4] (x forward, y left, z up)."""
+    """Return the transform [3, 4] from the world to the view of a sensor.
+
+    Args:
+        world_from_sensor: Pose of the sensor, [3, 4], x forward, y left, z up, metres.
+    """
     return compose(VIEW_FROM_SENSOR, invert(world_from_sensor))
 
 
 def view_from_part(patch: PatchPlan, trace: Trace, frame: int, view: Array) -> Array:
-    """Return the transform [3, 4] into the view of the part that carries a patch's first face.
+    """Return the transform [3, 4] to the view from the part that a patch's first face is on.
 
     Args:
         patch: The patch.
         trace: The motion of the scene.
         frame: Number of the frame.
-        view: The view from the world, [3, 4].
+        view: The transform from the world to the view, [3, 4].
     """
     part = patch.faces[0].part
     if part == STATIC:
@@ -46,14 +50,15 @@ def view_from_part(patch: PatchPlan, trace: Trace, frame: int, view: Array) -> A
 
 
 def homography(face: PatchFace, camera: CameraPlan, view_from_part: Array) -> Matrix:
-    """Return the homography [3, 3] of a face: from its (u, v, 1), 0 to 1 each, to pixels times depth, and depth.
+    """Return the homography [3, 3] of a face, from (u, v, 1), 0 to 1 each, to (x w, y w, w).
 
-    Pixels are those of the camera without distortion (`distort` follows); depth is in metres along the optical axis.
+    x and y are pixels of the camera without distortion, to which `distort` can be applied; w is the depth in metres
+    along the optical axis.
 
     Args:
         face: The face.
         camera: The camera.
-        view_from_part: The transform [3, 4] of the face's part into the view.
+        view_from_part: The transform [3, 4] from the face's part to the view.
     """
     columns = [
         [v * face.width for v in face.right],
@@ -62,15 +67,15 @@ def homography(face: PatchFace, camera: CameraPlan, view_from_part: Array) -> Ma
     ]
     r, rows = view_from_part, []
     for axis in range(3):
-        turned = [(r[axis, 0] * x + r[axis, 1] * y) + r[axis, 2] * z for x, y, z in columns]
-        rows.append([turned[0], turned[1], turned[2] + r[axis, 3]])
+        rotated = [(r[axis, 0] * x + r[axis, 1] * y) + r[axis, 2] * z for x, y, z in columns]
+        rows.append([rotated[0], rotated[1], rotated[2] + r[axis, 3]])
     k = intrinsics(camera)
     x, y, z = (np.array(row) for row in rows)
     return np.stack([k[0, 0] * x + k[0, 2] * z, k[1, 1] * y + k[1, 2] * z, z])
 
 
 def apply_homography(h: Matrix, u: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Return x, y and the third coordinate of points u, v (arrays of any shape)."""
+    """Apply a homography to points u, v, arrays of any shape; return x, y and w."""
     x, y, w = ((h[row, 0] * u + h[row, 1] * v) + h[row, 2] for row in range(3))
     return x / w, y / w, w
 
@@ -79,7 +84,7 @@ def inverse(h: Matrix) -> Matrix:
     """Return the inverse of a matrix [3, 3] by its cofactors.
 
     Raises:
-        ZeroDivisionError: It has none.
+        ZeroDivisionError: The matrix is singular.
     """
     (a, b, c), (d, e, f), (g, i, j) = ([float(v) for v in row] for row in h)
     minors = [[e * j - f * i, c * i - b * j, b * f - c * e], [f * g - d * j, a * j - c * g, c * d - a * f],
@@ -89,9 +94,10 @@ def inverse(h: Matrix) -> Matrix:
 
 
 def distort(camera: CameraPlan, x: float, y: float) -> tuple[float, float]:
-    """Return where in the picture the lens shows what a pinhole camera shows at (x, y), in pixels.
+    """Apply the lens distortion to a point of the pinhole camera's picture; pixels.
 
-    `recipe_compiler.ir.optics` has the formula, whose inverse this is. Beyond the corners it goes on straight.
+    This is the inverse of the formula in `recipe_compiler.ir.optics`. Beyond the picture's corners it is continued
+    linearly.
     """
     if not optics.bends(camera):
         return x, y
@@ -111,13 +117,13 @@ def distort(camera: CameraPlan, x: float, y: float) -> tuple[float, float]:
 
 
 def undistorted_centres(camera: CameraPlan) -> tuple[Array, Array]:
-    """Return x and y [H, W] of where a pinhole camera would show what the picture has at its pixels' centres."""
+    """Return x and y, [H, W], of the undistorted positions of all pixel centres."""
     x, y = np.broadcast_arrays(np.arange(camera.width)[None, :] + 0.5, np.arange(camera.height)[:, None] + 0.5)
     return undistorted(camera, x, y)
 
 
 def undistorted(camera: CameraPlan, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return where a pinhole camera would show what the picture has at points x, y (arrays of any shape)."""
+    """Remove the lens distortion from points x, y of the picture, arrays of any shape; pixels."""
     dx, dy = x - camera.width / 2.0, y - camera.height / 2.0
     half = camera.width / 2.0
     square = (dx * dx + dy * dy) / (half * half)
@@ -126,21 +132,21 @@ def undistorted(camera: CameraPlan, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def covered_pixels(face: PatchFace, camera: CameraPlan, view_from_part: Array) -> NDArray[np.bool_]:
-    """Return which pixels' centres a face would show with nothing before it, [H, W].
+    """Return the pixels whose centres a face covers without occlusion, bool [H, W].
 
     Args:
         face: The face, a rectangle.
         camera: The camera.
-        view_from_part: The transform [3, 4] of the face's part into the view.
+        view_from_part: The transform [3, 4] from the face's part to the view.
     """
-    nowhere = np.zeros((camera.height, camera.width), bool)
+    none = np.zeros((camera.height, camera.width), bool)
     h = homography(face, camera, view_from_part)
-    if not _faces(face, view_from_part):
-        return nowhere
+    if not _is_front_facing(face, view_from_part):
+        return none
     try:
         back = inverse(h)
     except ZeroDivisionError:
-        return nowhere
+        return none
     x, y = undistorted_centres(camera)
     nearness = (back[2, 0] * x + back[2, 1] * y) + back[2, 2]  # 1 / depth
     ahead = nearness * camera.near < 1.0
@@ -151,10 +157,10 @@ def covered_pixels(face: PatchFace, camera: CameraPlan, view_from_part: Array) -
     return covered
 
 
-def _faces(face: PatchFace, view_from_part: Array) -> bool:
-    """Whether the front of a face is turned to the eye."""
+def _is_front_facing(face: PatchFace, view_from_part: Array) -> bool:
+    """Return whether the front of a face is towards the camera."""
     r = view_from_part
-    normal, corner = face.normal, face.corner
-    turned = [(r[a, 0] * normal[0] + r[a, 1] * normal[1]) + r[a, 2] * normal[2] for a in range(3)]
-    there = [((r[a, 0] * corner[0] + r[a, 1] * corner[1]) + r[a, 2] * corner[2]) + r[a, 3] for a in range(3)]
-    return bool((turned[0] * there[0] + turned[1] * there[1]) + turned[2] * there[2] < 0.0)
+    n, c = face.normal, face.corner
+    normal = [(r[a, 0] * n[0] + r[a, 1] * n[1]) + r[a, 2] * n[2] for a in range(3)]
+    corner = [((r[a, 0] * c[0] + r[a, 1] * c[1]) + r[a, 2] * c[2]) + r[a, 3] for a in range(3)]
+    return bool((normal[0] * corner[0] + normal[1] * corner[1]) + normal[2] * corner[2] < 0.0)

@@ -107,7 +107,7 @@ def _floors(b: Builder, e: Element, f: Facade, family: _Family, bays: int) -> No
 
 
 def _stones(f: Facade, h: Hole, family: _Family) -> list[Quad]:
-    """Return a window's sill, and the stones above and beside it."""
+    """Return a window's sill, and the stones above and at both sides of it."""
     quads = f.block((h.u0 - 0.07, h.u1 + 0.07), (-family.reveal, 0.08), (h.z0 - 0.08, h.z0), sides=False)
     if family.surround:
         quads += [f.face(u, u + 0.13, h.z0, h.z1, 0.015) for u in (h.u0 - 0.13, h.u1)]

@@ -15,5 +15,5 @@ The packages, each of which imports only those above it:
     camera     rain, exposure, tone, noise, and the effects of lens and shutter
     gpu        many frames of one camera: kernels recorded once and replayed
 
-Modules named `*_kernels` hold kernels; the host's side stands beside them.
+Modules named `*_kernels` contain kernels; host code is in the modules next to them.
 """

@@ -67,7 +67,7 @@ class Canvas:
         self.polygon(placed(pose, [(tip, 0.0), (tip - head, head / 2), (tip - head, -head / 2)]), colour)
 
     def text(self, place: Point, words: str, colour: str = _INK, size: int = 15) -> None:
-        """Draw text beside a world point, at the first position where it overlaps no other text."""
+        """Draw text next to a world point, at the first position where it overlaps no other text."""
         self._texts.append((place, words, colour, size))
 
     def finished(self) -> Image.Image:
@@ -85,7 +85,7 @@ class Canvas:
         return picture
 
     def _beside(self, at: Point, wide: float, high: float, n: int) -> Box:
-        """Return the n-th candidate position of a text box beside a pixel, within the picture."""
+        """Return the n-th candidate position of a text box next to a pixel, within the picture."""
         gap = 9 + 14 * (n // 4)
         x = at[0] + gap if n % 2 == 0 else at[0] - gap - wide
         y = at[1] - high / 2 + (n // 2 % 2 * 2 - 1) * (gap - 2)

@@ -1,9 +1,9 @@
 """The base class of agents: a body in the world, a route, and the steps of its control loop.
 
-An agent decides ten times a second, from the state of the agents near it, where it wants to go. Thirty times a second
-it reads back what the engine made of its body, and changes its velocity by no more than its legs, engine, brakes and
-tyres can in that time; so what a collision did to it lasts. Only plain arithmetic and `sqrt` are used; cross products
-replace angles where possible.
+An agent decides ten times a second, from the state of the agents near it, on its desired motion. Thirty times a second
+it reads the state of its body back from the engine and changes the velocity by at most what its legs, or its engine,
+brakes and tyres, can achieve in that time; so the effect of a collision persists. Only plain arithmetic and `sqrt` are
+used; cross products replace angles where possible.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from recipe_runtime.body.kinematics import Quaternion, Vector
 from recipe_runtime.body.skeleton import is_person
 from recipe_runtime.simulation.bullet import World, orientation
 
-STANDSTILL = 8.0  # seconds for which an agent stands after a hard collision
+STANDSTILL = 8.0  # seconds for which an agent stops after a hard collision
 
 
 def move_towards(value: float, target: float, max_change: float) -> float:
@@ -38,12 +38,12 @@ class Agent(ABC):
         velocity: m/s in the world frame, as the engine has it.
         speed: Along its heading, m/s.
         yaw_rate: rad/s.
-        waiting: Whether it stands at a stop line, for the right of way.
-        held: Whether it stands until frame 0.
+        waiting: Whether it waits at a stop line.
+        held: Whether it waits for frame 0.
         present: Whether it is in the scene; if not, its body lies far below the ground.
         radius: Half its width, metres.
         reach: Half its length, metres.
-        sight: Metres within which it is told of others.
+        sight: Metres within which it sees other agents.
     """
 
     sight = 40.0
@@ -87,21 +87,21 @@ class Agent(ABC):
         return self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1] > 1.0
 
     def start_moving(self) -> None:
-        """Let a held agent go, at its speed if it has a route."""
+        """Release a held agent, at its speed if it has a route."""
         self.held = False
         self.speed = self.actor.speed if self.actor.route else 0.0
         self.velocity = (self.speed * self.heading[0], self.speed * self.heading[1])
         self._world.set_velocity(self.body, *self.velocity, 0.0)
 
     def leave(self) -> None:
-        """Take the body out of the scene."""
+        """Remove the body from the scene."""
         self.present = self.waiting = False
         self.x, self.y, self.z = self._world.remove(self.body)
         self.heading, self.velocity = (1.0, 0.0), (0.0, 0.0)
         self.speed = self.yaw_rate = self.vertical_speed = 0.0
 
     def enter(self, pose: Pose, speed: float) -> None:
-        """Put the body into the scene again, moving along its heading at a speed in m/s."""
+        """Return the body to the scene, moving along its heading at a speed in m/s."""
         self._world.place(self.body, pose.x, pose.y, orientation(Pose(yaw=pose.yaw)))
         self.present = True
         self.x, self.y, hx, hy, _, _, self.yaw_rate = self._world.state(self.body)
@@ -109,7 +109,7 @@ class Agent(ABC):
         self._world.set_velocity(self.body, *self.velocity, 0.0)
 
     def stand_still(self, until: float) -> None:
-        """Stop, and stand until a time (seconds since frame 0), as after a collision."""
+        """Stop until a time (seconds since frame 0), as after a collision."""
         self._stands_until = until
 
     def velocities(self) -> tuple[Vector, Vector]:
@@ -117,7 +117,7 @@ class Agent(ABC):
         return (*self.velocity, self.vertical_speed), (0.0, 0.0, self.yaw_rate)
 
     def _yaw(self) -> Quaternion:
-        """Rotation about the vertical that its heading is."""
+        """The rotation about the vertical that corresponds to its heading."""
         hx, hy = self.heading
         cosine = math.sqrt(max(0.0, 0.5 * (1.0 + hx)))
         if cosine > 0.1:
@@ -146,7 +146,7 @@ class Agent(ABC):
 
     @abstractmethod
     def decide(self, others: Sequence[Agent], seconds: float) -> None:
-        """Choose the wanted motion, from the state of the other agents in sight, in plan order.
+        """Choose the desired motion from the state of the other agents in sight.
 
         Args:
             others: Those in sight.
@@ -155,7 +155,7 @@ class Agent(ABC):
 
     @abstractmethod
     def control(self) -> None:
-        """Change the velocity of the body towards the wanted motion, by what is possible until the next call."""
+        """Change the velocity of the body towards the desired motion, by what is possible until the next call."""
 
     @abstractmethod
     def _follow(self, dx: float, dy: float, seconds: float) -> bool:

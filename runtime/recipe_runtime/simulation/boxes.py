@@ -1,4 +1,4 @@
-"""Upright boxes seen from above: the colliders of obstacles, and groups of them that lie near each other."""
+"""Footprints of upright boxes, the colliders of obstacles, and groups of nearby ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from recipe_runtime.body.kinematics import Quaternion
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """The ground plan of an obstacle."""
+    """The footprint of an obstacle."""
 
     name: str
     place: tuple[float, float]  # of its middle, metres in the world frame
@@ -29,7 +29,7 @@ class Box:
 
 
 def neighbourhoods(boxes: Sequence[Box], most: int) -> Iterator[Sequence[Box]]:
-    """Yield all boxes in groups of at most `most` that lie near each other.
+    """Yield all boxes in groups of at most `most` that are near each other.
 
     By sort-tile-recursive packing (S. Leutenegger et al., STR: a simple and efficient algorithm for R-tree packing,
     1997): strips along y with about as many groups as there are strips, and groups along each strip.

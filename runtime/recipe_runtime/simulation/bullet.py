@@ -32,10 +32,10 @@ _SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
 _SOLID |= {"guardrail", "hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
 _OBSTACLE, _ACTOR, _PARKED, _OVERHEAD = 1, 2, 4, 8  # collision groups
 _HALF_HEIGHT, _THINNEST = 1.0, 0.001  # metres, of every collider
-_MOST_SHAPES = 16  # that PyBullet joins in a body
-_STEP_OVER, _HEADROOM, _CLEAR = 0.25, 1.9, 3.2  # heights that anybody steps over, walks under, and drives under
-_TILTING_INERTIA = 1e12  # kg m2: bodies turn about the vertical only
-_AWAY, _SPACING = -1000.0, 20.0  # where absent bodies lie: this height, so far apart
+_MOST_SHAPES = 16  # maximum number of shapes that PyBullet combines in a body
+_STEP_OVER, _HEADROOM, _CLEAR = 0.25, 1.9, 3.2  # metres: heights to step over, to walk under, and to drive under
+_TILTING_INERTIA = 1e12  # kg m2: bodies rotate only about the vertical
+_AWAY, _SPACING = -1000.0, 20.0  # metres: height of absent bodies, and the distance between them
 
 
 def orientation(pose: Pose) -> Quaternion:
@@ -124,7 +124,7 @@ class World:
         self._reset(body, (x, y, 0.0), rotation)
 
     def remove(self, body: int) -> Vector:
-        """Take a body out of the scene, at rest, to a place of its own below the ground; return that place."""
+        """Move a body out of the scene, at rest, to a position of its own below the ground; return that position."""
         place = (_SPACING * body, 0.0, _AWAY)
         self._reset(body, place, (0.0, 0.0, 0.0, 1.0))
         return place

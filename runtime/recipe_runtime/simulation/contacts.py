@@ -1,4 +1,4 @@
-"""Records contacts between bodies as events (who touched whom, when, and how hard), and lets agents react to them."""
+"""Records contacts between bodies as events (names, time and impulse), and notifies the agents."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SEPARATE = 0.5  # seconds without contact that end an event
 
 
 class ContactRecorder:
-    """Collects the contacts of every step, and lets agents react to them."""
+    """Collects the contacts of every step, and notifies the agents."""
 
     def __init__(self, world: World, agents: Sequence[Agent]) -> None:
         self._world = world

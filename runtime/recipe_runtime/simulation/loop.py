@@ -29,7 +29,7 @@ class Simulation:
     Attributes:
         world: The bodies.
         agents: In plan order.
-        contacts: What has touched so far.
+        contacts: The contacts so far.
         step: Physics steps since the beginning of the warm-up.
     """
 
@@ -53,9 +53,9 @@ class Simulation:
         return (self.step - self._warmup) * self.world.dt
 
     def agents_now(self) -> Sequence[Agent]:
-        """The agents as they are at this step.
+        """The agents in their state at this step.
 
-        Between two calls of `Agent.control` these are copies, so that frames do not affect the simulation.
+        Between two calls of `Agent.control` these are copies, so that recording frames does not affect the simulation.
         """
         since = self.step % self._control
         if since == 0:
@@ -85,7 +85,7 @@ class Simulation:
                     agent.start_moving()
 
     def close(self) -> None:
-        """End the engine."""
+        """Close the physics engine."""
         self.world.close()
 
     def _decide(self) -> None:

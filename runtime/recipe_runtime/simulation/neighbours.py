@@ -1,4 +1,4 @@
-"""Finds the agents near a place by a uniform grid."""
+"""Finds the agents near a position with a uniform grid."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from recipe_runtime.simulation.agent import Agent
 
 _CELL = 40.0  # metres
-_CROWD = 8  # agents that are looked at in the time of a cell
+_CROWD = 8  # agents that can be tested in the time of looking up a cell
 _Entry = tuple[int, float, float, Agent]  # number in the plan, x, y
 
 

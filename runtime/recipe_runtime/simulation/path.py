@@ -36,12 +36,12 @@ class Path:
 
     @property
     def legs(self) -> Sequence[Leg]:
-        """Its straight pieces, in order; none if all its points are one."""
+        """Its straight segments, in order; empty if all its points are equal."""
         return self._legs
 
     @property
     def points(self) -> Sequence[Point]:
-        """Its points, without those that repeat the one before."""
+        """Its points, without repetitions of the previous point."""
         return self._points
 
     def start_of(self, leg: int) -> float:
@@ -54,7 +54,8 @@ class Path:
         Args:
             x: Position in the world frame, metres.
             y: Position in the world frame, metres.
-            leg: Where to begin: the leg of the last projection, so that it never decreases on paths that cross.
+            leg: The leg of the last projection, where the search begins, so that it never goes back on paths that
+                cross themselves.
         """
         last = len(self._legs) - 1
         if last < 0:
@@ -77,7 +78,7 @@ class Path:
         return self._legs[self.leg_at(start) : self.leg_at(end) + 1]
 
     def tangent(self, metres: float) -> Point:
-        """Return the unit vector along the path at an arc length; (1, 0) if all its points are one."""
+        """Return the unit vector along the path at an arc length; (1, 0) if all its points are equal."""
         if not self._legs:
             return 1.0, 0.0
         leg = self._legs[self.leg_at(metres)]

@@ -32,11 +32,11 @@ class PedestrianAgent(Agent):
 
     Attributes:
         figure: Its proportions.
-        look: Degrees to the left of its heading where it wants to look.
-        pace: The speed that it wants now, m/s.
-        crossing: The way over a road, from kerb to kerb (x, y, x, y, metres), that it is on, or is about to enter with
-            the right of way.
-        follower: The pedestrian who walks beside it.
+        look: Desired direction of view, degrees to the left of its heading.
+        pace: Desired speed, m/s.
+        crossing: The segment across a road, from kerb to kerb (x, y, x, y, metres), that it is on, or is about to enter
+            with the right of way.
+        follower: The companion that walks alongside and follows it.
     """
 
     def __init__(self, world: World, actor: ActorPlan, control_dt: float, surroundings: Surroundings) -> None:
@@ -63,11 +63,11 @@ class PedestrianAgent(Agent):
             self._wish = Wish()
 
     def walk_beside(self, leader: PedestrianAgent) -> None:
-        """Walk beside another pedestrian from now on."""
+        """Accompany another pedestrian from now on."""
         self._walker.leader, leader.follower = leader, self
 
     def decide(self, others: Sequence[Agent], seconds: float) -> None:
-        """Choose direction and speed: along the route, across roads when it may, round others."""
+        """Choose direction and speed: along the route, across roads when permitted, around others."""
         stands = self.held or seconds < self._stands_until
         self._wish = self._walker.decide(self, others, seconds, stands=stands)
         self.waiting, self.crossing, self.look = self._wish.waits, self._wish.crossing, self._wish.look
@@ -75,9 +75,9 @@ class PedestrianAgent(Agent):
         self.sight = _SIGHT_AT_ROADS if self._walker.near_road else _SIGHT
 
     def control(self) -> None:
-        """Accelerate and turn as far as legs can.
+        """Accelerate and turn within the limits of a person.
 
-        It walks the way that it faces. Steps aside, and in any direction where it is nearly there, are slow.
+        It walks in the direction that it faces. Sidesteps are slow, and so are steps in any direction near the goal.
         """
         wish, (hx, hy), (vx, vy) = self._wish, self.heading, self.velocity
         sine, cosine = hx * wish.uy - hy * wish.ux, hx * wish.ux + hy * wish.uy
@@ -102,7 +102,7 @@ class PedestrianAgent(Agent):
             self._world.set_velocity(self.body, vx, vy, turn)
 
     def start_moving(self) -> None:
-        """Let a held pedestrian go, in the middle of its stride."""
+        """Release a held pedestrian, in mid-stride."""
         super().start_moving()
         self._footsteps = self._steady_footsteps()
 

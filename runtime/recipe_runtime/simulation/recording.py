@@ -23,10 +23,10 @@ Rows = Sequence[Sequence[Sequence[float]]]  # for each frame the state of each a
 
 
 class FrameRecorder:
-    """Makes frames of a Trace.
+    """Computes frames of a Trace.
 
-    The poses in several frames are computed at once, for all agents of a kind. They are the same, bit for bit, however
-    many that are.
+    The poses of all agents of a kind are computed for several frames at once. Their bits do not depend on the number of
+    frames.
     """
 
     def __init__(self, agents: Sequence[Agent], ground: Ground) -> None:
@@ -64,7 +64,7 @@ class FrameRecorder:
         self._velocities.append([agent.velocities() for agent in agents])
 
     def frames(self) -> Iterator[tuple[int, bytes]]:
-        """Yield the frames that were added since the last call: number and bytes of a Trace frame.
+        """Yield the frames that were added since the last call: frame number and bytes.
 
         A rotation corresponds to two quaternions; the one whose w is positive is stored. If w is 0, the last component
         that is not 0 is positive.

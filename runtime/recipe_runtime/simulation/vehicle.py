@@ -1,4 +1,4 @@
-"""Vehicle agents: a driver's commands, turned into what steering, engine, brakes and tyres can do."""
+"""Vehicle agents: they carry out a driver's commands within the limits of steering, engine, brakes and tyres."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from recipe_runtime.simulation.traffic.reversing import REVERSE_SPEED
 
 _STEERING = 1.57  # steering rate of the front wheels, rad/s
 _STOPPING = 5.0  # m/s2, after a collision
-_BACK = 3.0  # metres behind its rear from where its place on the path is looked for while it drives backwards
+_BACK = 3.0  # metres behind its rear from which it is projected onto the path while it reverses
 _HARD, _HIT = 0.3, 0.01  # m/s, change of the speed that stops it: by anything, and by a person while it moves
-_REVERSING = 0.8  # m/s2, when it drives backwards
+_REVERSING = 0.8  # m/s2, acceleration when it reverses
 _TIP = 50.0  # lean rate of a two-wheeler, degrees/s
 
 
 class VehicleAgent(Agent):
-    """A vehicle that follows its route, with the kinematic bicycle model as far as its tyres grip.
+    """A vehicle that follows its route: a kinematic bicycle model within the grip of the tyres.
 
     Attributes:
         path: What it follows: its start and its route.
         progress: Arc length of its middle on the path, metres.
         offset: Metres that its middle is to the left of the path.
-        driver: Who decides.
+        driver: Makes its decisions.
     """
 
     def __init__(self, world: World, actor: ActorPlan, control_dt: float, driver: Driver) -> None:
@@ -72,12 +72,12 @@ class VehicleAgent(Agent):
 
     @property
     def curvature(self) -> float:
-        """Curvature of the way that its wheels point to, 1/m, positive to the left."""
+        """Curvature of the path that corresponds to the steering angle, 1/m, positive to the left."""
         return self._steer / self._base
 
     @property
     def halted(self) -> bool:
-        """Whether it stands because of a collision."""
+        """Whether it is stopped because of a collision."""
         return self._stands_until > -math.inf
 
     @property
@@ -86,7 +86,7 @@ class VehicleAgent(Agent):
         return self.progress >= self.path.length - 0.5
 
     def enter(self, pose: Pose, speed: float) -> None:
-        """Enter the scene again, and follow the part of the route that is ahead."""
+        """Enter the scene again, and follow the rest of the route."""
         super().enter(pose, speed)
         self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
         self.z = self._suspension.height
@@ -97,7 +97,7 @@ class VehicleAgent(Agent):
         self._follow_path(Path([(self.x, self.y), *route[ahead:]]))
 
     def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
-        """Brake and stand after a hard collision, or after one with a person while it moves."""
+        """Brake and stop after a hard collision, or after hitting a person while it moves."""
         person = other is not None and is_person(other.actor.shape) and self.moving
         if impulse / self.mass > (_HIT if person else _HARD):
             self.stand_still(seconds + STANDSTILL)
@@ -110,7 +110,7 @@ class VehicleAgent(Agent):
         self.waiting, self.sight = self.driver.waiting, self.driver.horizon
 
     def control(self) -> None:
-        """Steer, drive and brake by what engine and tyres can do until the next call."""
+        """Steer, accelerate and brake within the limits of engine and tyres until the next call."""
         hx, hy = self.heading
         vx, vy = self.velocity
         ahead, left, turn = vx * hx + vy * hy, vy * hx - vx * hy, self.yaw_rate
@@ -159,7 +159,7 @@ class VehicleAgent(Agent):
             self._steer = move_towards(self._steer, target, rate * self._dt)
 
     def _limited(self, ahead: float, left: float) -> tuple[float, float]:
-        """Return the change of velocity (m/s, ahead and to the left) that the tyres allow of a wanted one."""
+        """Limit a desired change of velocity (m/s, ahead and to the left) to the grip of the tyres."""
         most, grip = self._kind.brake * self._dt, GRIP * self._dt
         if -most <= ahead <= most and ahead * ahead + left * left <= grip * grip:
             return ahead, left
@@ -177,7 +177,7 @@ class VehicleAgent(Agent):
         return tuple((joint.offset[0], joint.offset[1]) for joint in wheel_joints(self.actor.shape))
 
     def _follow(self, dx: float, dy: float, seconds: float) -> bool:
-        """Roll the wheels by the way covered along the heading, and follow the ground."""
+        """Roll the wheels by the distance covered along the heading, and follow the ground."""
         self._distance += dx * self.heading[0] + dy * self.heading[1]
         before = self._suspension
         self._suspension = before.moved(self._world.ground, (self.x, self.y), self.heading, seconds)
@@ -210,7 +210,7 @@ class ParkedVehicle(VehicleAgent):
 
     @property
     def mass(self) -> float:
-        """0: the engine takes it for a fixed body."""
+        """0, which makes it a static body in the engine."""
         return 0.0
 
     def read(self, seconds: float) -> None:
@@ -245,7 +245,7 @@ class TwoWheeler(VehicleAgent):
         return (half, 0.0), (-half, 0.0)
 
     def _follow(self, dx: float, dy: float, seconds: float) -> bool:
-        """Also lean towards the angle that balances weight and centrifugal force."""
+        """Also lean towards the angle at which weight and centrifugal force balance."""
         at_rest, before = super()._follow(dx, dy, seconds), (self._foot_weight, self._lean)
         speed = max(0.0, self.speed)
         force = speed * speed * self._steer / (self._base * 9.81)

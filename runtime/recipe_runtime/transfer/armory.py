@@ -1,16 +1,17 @@
 """Exports a dataset in the layouts that Armory's CARLA loaders read; the file names of MART are among them.
 
     carla_obj_det/dev/_out/: kwcoco_annotations_without_patch_and_sans_tiny_objects.json, sensor.camera.rgb.1/,
-        sensor.camera.depth.2/ (grey, logarithmic), foreground_mask/, patch_metadata/
+        sensor.camera.depth.2/ (logarithmic greyscale), foreground_mask/, patch_metadata/
     carla_over_obj_det/dev/: kwcoco_annotations.json, rgb/, depth/ (24 bits), foreground_mask/, patch_metadata/;
-        MART reads it too
+        MART reads this layout too
     carla_mot/dev/VIDEO/: rgb/, foreground_mask/, patch_metadata/, instances.txt
     carla_video_tracking/dev/VIDEO/: 000001.png, 000001_mask.png, ..., gt_boxes.npy, gs_coords.npy
     left_out.csv: frames and videos that a loader or an attack cannot use, with the reason
 
-The patch is the first of each variant. Boxes are x1, y1, x2, y2 in carla_obj_det and x, y, width, height elsewhere, and
-arrays have the types that the loaders expect. File names have no dots; those of patches that are not on the ground
-start with 1, from which a loader derives how far depth may be perturbed.
+The patch is the one that the export names, else the first of each variant: the loaders take one per sample. Boxes are
+x1, y1, x2, y2 in carla_obj_det and x, y, width, height elsewhere, and arrays have the types that the loaders expect.
+File names have no dots; those of patches that are not on the ground start with 1, from which a loader derives the
+bound of depth perturbation.
 """
 
 from __future__ import annotations
@@ -42,14 +43,14 @@ Row = dict[str, object]
 _OBJ_DET, _OVER, _MOT, _TRACKING = (
     f"carla_{task}/dev" for task in ("obj_det", "over_obj_det", "mot", "video_tracking")
 )
-_NAMES = {1: "pedestrian", 2: "vehicle", 3: "trafficlight"}  # category ids, of which the overhead layout has two
+_NAMES = {1: "pedestrian", 2: "vehicle", 3: "trafficlight"}  # by category id; the overhead layout has the first two
 _PERSONS = (Tag.PEDESTRIAN.value, Tag.RIDER.value)
 _LOG_SLOPE = 5.70378  # of the logarithmic depth: 1 + ln(metres / 1000) / 5.70378
 
 
 @dataclass(frozen=True)
 class _Frame:
-    """A frame of a sequence: its labels, and the truth of the patch."""
+    """A frame of a sequence: its labels, and the ground truth of the patch."""
 
     labels: LabelledFrame
     patch: PatchRecord
@@ -59,15 +60,24 @@ class _Frame:
         return self.labels["frame"]
 
 
-def check_patches(dataset: Dataset) -> None:
+def check_patches(dataset: Dataset, name: str | None = None) -> None:
     """Check that a dataset has pictures with a patch.
 
+    Args:
+        dataset: The dataset.
+        name: The patch; None for any.
+
     Raises:
-        InputError: It has none.
+        InputError: No variant has both a patch of that name and RGB pictures.
     """
-    for variant in dataset.plan.variants:
-        if variant.appearance.patches and any("rgb" in sensor.capture for sensor in variant.rig.sensors):
-            return
+    with_pictures = [v for v in dataset.plan.variants if any("rgb" in sensor.capture for sensor in v.rig.sensors)]
+    names = list(dict.fromkeys(patch.name for variant in with_pictures for patch in variant.appearance.patches))
+    if name in names or (name is None and names):
+        return
+    if names:
+        raise InputError(
+            f"{dataset.name} has no picture with a patch {name!r}; it has {', '.join(names)}", code=Code.UNKNOWN_NAME
+        )
     raise InputError(
         f"{dataset.name} has no picture with a patch",
         help="add `patches` and `capture: [rgb, depth]` to the recipe, and build it again",
@@ -113,9 +123,8 @@ def annotation_files(sequences: list[ExportSequence]) -> Iterator[Entry]:
 
 
 def _patch(sequence: ExportSequence) -> PatchPlan | None:
-    """The patch of a sequence; None if it has none, or no pictures."""
-    patches = sequence.variant.appearance.patches
-    return patches[0] if patches and "rgb" in sequence.sensor.capture else None
+    """The patch that the export is about; None if the variant lacks it, or has no RGB pictures."""
+    return sequence.patch_plan if "rgb" in sequence.sensor.capture else None
 
 
 def _frames(sequence: ExportSequence, patch: PatchPlan) -> list[_Frame]:
@@ -129,7 +138,7 @@ def _has_depth(sequence: ExportSequence) -> bool:
 def _detection_files(
     sequence: ExportSequence, patch: PatchPlan, frame: _Frame, picture: bytes, mask: bytes
 ) -> Iterator[Entry]:
-    """The files of a frame for object detection; none if an attack cannot use it."""
+    """The files of a frame for object detection; no files if an attack cannot use the frame."""
     if not (_has_depth(sequence) and is_usable(frame.patch)):
         return
     stem = _stem(sequence, patch, frame.number)
@@ -144,12 +153,12 @@ def _detection_files(
         yield f"{root}/foreground_mask/{stem}.png", mask
         yield f"{root}/patch_metadata/{stem}_coords.npy", codecs.npy(corners)
         yield f"{root}/patch_metadata/{stem}_raw_coords.npy", codecs.npy(np.array(frame.patch["corners"], np.float64))
-        depth_file = np.array(frame.patch["depth"], np.float64)
-        yield f"{root}/patch_metadata/{stem}_avg_depth.npy", codecs.npy(depth_file)
+        mean_depth = np.array(frame.patch["depth"], np.float64)
+        yield f"{root}/patch_metadata/{stem}_avg_depth.npy", codecs.npy(mean_depth)
 
 
 def _annotations(sequences: Sequence[ExportSequence], *, overhead: bool) -> Iterator[str]:
-    """The text of the annotations of object detection."""
+    """The JSON text of the annotations for object detection."""
     ids = [1, 2] if overhead else [1, 2, 3]
     images: list[Row] = []
     objects: list[Row] = []
@@ -171,7 +180,7 @@ def _annotations(sequences: Sequence[ExportSequence], *, overhead: bool) -> Iter
 
 
 def _image(sequence: ExportSequence, patch: PatchPlan, frame: _Frame, *, overhead: bool) -> Row:
-    """An image with exactly the keys that a loader removes or keeps."""
+    """The row of an image, with exactly the keys that the loaders expect."""
     name = f"{_stem(sequence, patch, frame.number)}.png"
     row: Row = {
         "id": image_id(sequence.variant.variant, sequence.sensor.name, frame.number),
@@ -209,9 +218,9 @@ def _category(item: LabelRecord) -> int:
 
 
 def _coordinates(frames: Sequence[_Frame]) -> list[NDArray[np.int64] | None]:
-    """The corners of every frame, [4, 2]: where a frame has none that can be used, those of the usable frame before it.
+    """The corners of every frame, [4, 2]; a frame that an attack cannot use repeats those of the last usable frame.
 
-    Before the first usable frame they are that frame's; None if no frame is usable.
+    Frames before the first usable one take its corners. All are None if no frame is usable.
     """
     usable = [np.array(f.patch["corners_int"], np.int64) if is_usable(f.patch) else None for f in frames]
     last = next((corners for corners in usable if corners is not None), None)
@@ -223,7 +232,7 @@ def _coordinates(frames: Sequence[_Frame]) -> list[NDArray[np.int64] | None]:
 
 
 def _instances(frames: Sequence[_Frame]) -> list[str] | None:
-    """The lines of `instances.txt`; None if there are fewer than two, of which a loader makes no table."""
+    """The lines of `instances.txt`; None if there are fewer than two, which a loader does not read as a table."""
     lines = []
     for step, frame in enumerate(frames, start=1):
         for item in frame.labels["objects"]:
@@ -233,17 +242,20 @@ def _instances(frames: Sequence[_Frame]) -> list[str] | None:
 
 
 def _target_boxes(frames: Sequence[_Frame]) -> NDArray[np.int64] | None:
-    """The boxes x1, y1, x2, y2 [T, 4] of the pedestrian that is largest over all frames; None if none is in all."""
+    """The boxes x1, y1, x2, y2, [T, 4], of the pedestrian with the largest total area of those visible in all frames.
+
+    None if no pedestrian is visible in all frames.
+    """
     boxes: dict[str, list[tuple[int, list[int]]]] = {}
     for frame in frames:
         for item in frame.labels["objects"]:
             if item["instance"] // 1000 == Tag.PEDESTRIAN.value:
                 boxes.setdefault(item["actor"], []).append((item["area"], item["bbox"]))
-    whole = {name: rows for name, rows in boxes.items() if len(rows) == len(frames)}
-    if not whole:
+    complete = {name: rows for name, rows in boxes.items() if len(rows) == len(frames)}
+    if not complete:
         return None
-    target = min(whole, key=lambda name: (-sum(area for area, _ in whole[name]), name))
-    return np.array([[x, y, x + w, y + h] for _, (x, y, w, h) in whole[target]], np.int64)
+    target = min(complete, key=lambda name: (-sum(area for area, _ in complete[name]), name))
+    return np.array([[x, y, x + w, y + h] for _, (x, y, w, h) in complete[target]], np.int64)
 
 
 def _left_out(sequences: Sequence[ExportSequence]) -> Iterator[str]:

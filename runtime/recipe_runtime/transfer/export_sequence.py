@@ -1,4 +1,4 @@
-"""One sensor of one variant of a dataset, as an export reads it: compared with the manifest."""
+"""The files of one sensor of one variant of a dataset, compared with the manifest while an export reads them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.plan import ScenarioPlan, SensorPlan
 
 from recipe_runtime.annotate.records import LabelledFrame
@@ -23,12 +24,19 @@ Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
 
 @dataclass(frozen=True)
 class ExportSequence:
-    """One sensor of one variant."""
+    """One sensor of one variant, and the patch to export, if any; `number` counts the dataset's sequences from 0."""
 
     dataset: Dataset
     variant: ScenarioPlan
     sensor: SensorPlan
     number: int
+    patch_name: str | None = None  # None: the variant's first patch
+
+    @property
+    def patch_plan(self) -> PatchPlan | None:
+        """The patch that the export is about; None if the variant does not have it."""
+        patches = self.variant.appearance.patches
+        return next((patch for patch in patches if self.patch_name in (None, patch.name)), None)
 
     @property
     def frames(self) -> range:
@@ -61,11 +69,11 @@ class ExportSequence:
         except ValueError as error:
             raise damaged_file(self.dataset, f"{path}: {error}") from None
         if metres.shape != (self.sensor.camera.height, self.sensor.camera.width):
-            raise damaged_file(self.dataset, f"{path} has another size than the sensor's pictures")
+            raise damaged_file(self.dataset, f"{path} differs in size from the sensor's pictures")
         return cast("NDArray[np.float64]", metres.astype(np.float64))
 
     def patch(self, frame: int, name: str) -> PatchRecord:
-        """Return the truth of a patch in a frame."""
+        """Return the ground truth of a patch in a frame."""
         path = layout.patches_file(self.variant.variant, self.sensor.name, frame)
         content = picture_file(self.dataset, path, self.sensor)
         try:
@@ -75,7 +83,7 @@ class ExportSequence:
         except (ValueError, KeyError, IndexError, TypeError, RecursionError):
             usable = False
         if not usable:
-            raise damaged_file(self.dataset, f"{path} is not the truth of the patch {name}")
+            raise damaged_file(self.dataset, f"{path} is not the ground truth of the patch {name}")
         return record
 
     def _path(self, modality: str, frame: int) -> str:
@@ -83,7 +91,7 @@ class ExportSequence:
 
 
 def _is_usable(record: PatchRecord) -> bool:
-    """Whether what an export reads of a record has the types that it should have."""
+    """Return whether the fields of a record that an export reads have valid types and shapes."""
     numbers = [v for corners in (record["corners_int"], record["corners"]) for corner in corners or [] for v in corner]
     return (
         type(record["area"]) is int

@@ -1,10 +1,10 @@
-"""Exports a dataset in the layout of a benchmark: MOTSChallenge's, KITTI's or Armory's.
+"""Exports a dataset in the layout of MOTSChallenge, KITTI or Armory.
 
     mots:  MOTS-train/<sequence>/gt/gt.txt, seqinfo.ini, img1/000001.png; seqmaps/MOTS-train.txt
     kitti: training/label_02/0000.txt, calib/0000.txt, poses/0000.txt, image_02/0000/000000.png,
            evaluate_tracking.seqmap.training; mots/label_02/0000.txt, evaluate_mots.seqmap.training; sequences.csv
     armory: see `transfer.armory`
-    index.json: the dataset's identity, the layout, and size and SHA-256 of every file
+    index.json: the dataset's identity, the layout, the patch if one was chosen, and size and SHA-256 of every file
 
 Equal datasets give equal exports. Labels and pictures are compared with the manifest while they are read, so damaged
 files are never exported.
@@ -36,11 +36,15 @@ from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 Layout = Literal["mots", "kitti", "armory"]
 INDEX = "index.json"
 _FORMAT = "recipe/layout/1"
-_LONGEST_INDEX = 256 << 20  # bytes
+_MAX_INDEX = 256 << 20  # bytes
 _REMEDY = "free some space or choose another folder, then export again"
 
 
-class LayoutIndex(TypedDict):
+class _Choice(TypedDict, total=False):
+    patch: str  # for armory, if the export was asked for one
+
+
+class LayoutIndex(_Choice):
     """`index.json`: the dataset's identity, the layout, and size and SHA-256 of every file."""
 
     format: str
@@ -50,32 +54,34 @@ class LayoutIndex(TypedDict):
 
 
 def export_layout(
-    dataset: Dataset, out: Path, form: Layout, progress: Progress, *, replace: bool = False
+    dataset: Dataset, out: Path, form: Layout, progress: Progress, *, patch: str | None = None, replace: bool = False
 ) -> LayoutIndex:
-    """Export all frames of a dataset, and return the index.
+    """Export all frames of a dataset, and return the index of the files.
 
     Args:
         dataset: the dataset.
         out: the folder to create; it appears when the export is complete.
         form: the layout.
-        progress: reports progress.
+        progress: called to report progress.
+        patch: for armory, the name of the patch to export; the first of each variant if None.
         replace: whether an existing export may be replaced.
 
     Raises:
-        InputError: `out` exists and is not an export, or a file of the dataset is damaged.
+        InputError: `out` exists and is not an export, a file of the dataset is damaged, or it lacks the patch.
         RunError: the files cannot be written, or another export writes to `out`.
     """
     check_outside_datasets(out)
-    known = _index_of(out)
-    if known is not None and (known["dataset"], known["layout"]) == (dataset.lock.identity, form) and _is_whole(out):
+    known = _read_index(out)
+    made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
+    if known is not None and _made_from(known) == made_from and _is_complete(out):
         return known
     _check_replaceable(out, known, replace=replace)
     sequences = [
-        ExportSequence(dataset, variant, sensor, number)
+        ExportSequence(dataset, variant, sensor, number, patch)
         for number, (variant, sensor) in enumerate((v, s) for v in dataset.plan.variants for s in v.rig.sensors)
     ]
     if form == "armory":
-        armory.check_patches(dataset)
+        armory.check_patches(dataset, patch)
     entries = _LAYOUTS[form]
     with host_errors(str(out), _REMEDY), work_folder(out, lambda _: True) as work:
         files: dict[str, list[int | str]] = {}
@@ -84,12 +90,7 @@ def export_layout(
             files.update(_write(work, path, content) for path, content in entries(sequence))
         files.update(_write(work, path, content) for path, content in _LISTS[form](sequences))
         progress("export", len(sequences), len(sequences))
-        index: LayoutIndex = {
-            "format": _FORMAT,
-            "dataset": dataset.lock.identity,
-            "layout": form,
-            "files": dict(sorted(files.items())),
-        }
+        index = cast("LayoutIndex", {"format": _FORMAT, **made_from, "files": dict(sorted(files.items()))})
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
         (work / MARKER).unlink()
         if known is not None:
@@ -127,7 +128,7 @@ def _kitti(sequence: ExportSequence) -> Iterator[Entry]:
 
 
 def _kitti_lists(sequences: list[ExportSequence]) -> Iterator[Entry]:
-    """Yield the lists of sequences. The third number is a length in one of them and the last frame in the other."""
+    """Yield the lists of sequences. KITTI's tracking list has the number of frames, its MOTS list the last frame."""
     lengths = [(f"{s.number:04d}", _length(s)) for s in sequences]
     tracking = [f"{name} empty 000000 {length:06d}\n" for name, length in lengths]
     yield "training/evaluate_tracking.seqmap.training", tracking
@@ -137,7 +138,7 @@ def _kitti_lists(sequences: list[ExportSequence]) -> Iterator[Entry]:
 
 
 def _length(sequence: ExportSequence) -> int:
-    """Return the number of frames from the first to the last that the sensor takes."""
+    """Return the number of frames from frame 0 to the last one that the sensor takes."""
     return sequence.frames[-1] + 1
 
 
@@ -169,31 +170,38 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
     other = out.exists() and not is_empty(out) and (known is None or _entries(out) != {INDEX, *known["files"]})
     if out.is_symlink() or other:
         raise InputError(
-            f"{out} exists already, and holds files that are not of an export",
+            f"{out} exists already and has files that do not belong to an export",
             help="move it away, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
     if known is not None and not replace:
         raise InputError(
-            f"{out} exists already, and is another export",
+            f"{out} exists already and is a different export",
             help="choose another folder, or replace it",
             code=Code.OUTPUT_IN_THE_WAY,
         )
 
 
 def _entries(out: Path) -> set[str]:
-    """Return the paths of everything in a folder but plain folders."""
+    """Return the paths of all entries below a folder, except folders."""
     return {p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if not is_folder(p)}
 
 
-def _index_of(out: Path) -> LayoutIndex | None:
-    """Return the index of an export; None if there is none, or it is damaged."""
-    index = read_index(out, INDEX, _LONGEST_INDEX)
+def _read_index(out: Path) -> LayoutIndex | None:
+    """Return the index of an export; None if it is absent or damaged."""
+    index = read_index(out, INDEX, _MAX_INDEX)
     return cast("LayoutIndex", index) if _is_index(index) else None
 
 
+def _made_from(index: LayoutIndex) -> dict[str, object]:
+    """Return what an export was made from: dataset, layout and patch."""
+    return {key: value for key, value in index.items() if key not in ("format", "files")}
+
+
 def _is_index(index: object) -> bool:
-    if not isinstance(index, dict) or index.keys() != LayoutIndex.__annotations__.keys() or index["format"] != _FORMAT:
+    if not isinstance(index, dict) or index.get("format") != _FORMAT:
+        return False
+    if not LayoutIndex.__required_keys__ <= index.keys() <= LayoutIndex.__annotations__.keys():
         return False
     files = index["files"]
     return isinstance(files, dict) and all(
@@ -206,9 +214,9 @@ def _is_index(index: object) -> bool:
     )
 
 
-def _is_whole(out: Path) -> bool:
-    """Return whether a folder has every file of its index with its bytes, and no other."""
-    known = _index_of(out)
+def _is_complete(out: Path) -> bool:
+    """Return whether a folder contains exactly the files of its index, with the bytes recorded there."""
+    known = _read_index(out)
     return (
         known is not None
         and _entries(out) == {INDEX, *known["files"]}

@@ -111,7 +111,7 @@ def webdataset(
         return known
     if out.is_symlink() or (out.exists() and not is_empty(out) and (known is None or _has_other_files(out, known))):
         raise InputError(
-            f"{out} exists already, and holds files that are not of an export",
+            f"{out} exists already and has files that do not belong to an export",
             help="move it away, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )

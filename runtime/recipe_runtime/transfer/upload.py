@@ -2,7 +2,7 @@
 
 A prefix contains a dataset if it contains its manifest, which is written last. During an upload, a marker file
 `.recipe-upload.json` takes its place. Files that exist with the same digest are kept; files with equal content are sent
-once and then copied within the store. An interrupted upload is resumed: sent files are recorded beside the local
+once and then copied within the store. An interrupted upload is resumed: sent files are recorded next to the local
 dataset.
 """
 

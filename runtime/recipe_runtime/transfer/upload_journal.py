@@ -22,7 +22,7 @@ _REMEDY = "free some space or allow writing"
 
 
 class UploadJournal:
-    """The files sent to a place so far, recorded beside the dataset's folder. Links are not followed.
+    """The files uploaded to a URL so far, recorded next to the dataset's folder. Links are not followed.
 
     Its first line names the upload; the record is valid only if the marker file at the place has the same name.
     """

@@ -1,7 +1,7 @@
 """The self-test of `recipe doctor`: describes the host, builds a golden recipe and compares every stage.
 
-The digests are in `golden/`, beside the recipe; they are part of the release. A stage that differs is reported with the
-reason why this host need not agree, if there is one. Stages after it prove nothing.
+The digests are in `golden/`, next to the recipe; they are part of the release. A stage that differs is reported with a
+reason, if a difference is to be expected on this host. Later stages are inconclusive then.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Files of Traces beside lockfiles, for hosts whose own simulation differs.
+"""Files of Traces next to lockfiles, for hosts whose own simulation differs.
 
     lockfiles/<recipe>.traces
         recipe-traces 1
@@ -81,7 +81,7 @@ def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> 
 
 
 def read(path: Path, locked: Mapping[str, str], limits: Mapping[str, int]) -> dict[str, Trace]:
-    """Read the traces beside a lockfile.
+    """Read the traces next to a lockfile.
 
     Args:
         path: the file.

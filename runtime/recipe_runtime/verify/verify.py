@@ -256,7 +256,7 @@ class _Check:
     def _motions(self, scenes: dict[str, ScenePlan]) -> tuple[set[str], list[Difference]]:
         """Simulate the scenes; return those whose frames are to be compared, and the differences.
 
-        If this host's simulation may differ, frames are rendered from the locked Trace beside the lockfile if there is
+        If this host's simulation may differ, frames are rendered from the locked Trace next to the lockfile if there is
         one, else from this host's own: a digest of other motion, which is untrusted, exempts no frame.
         """
         store, excuse = Store(self.folder), excuse_of("trace", self.lock)

@@ -6,7 +6,7 @@ import functools
 from collections.abc import Iterator
 from pathlib import Path
 
-from recipe_compiler.carla import File, Imported, imported
+from recipe_compiler.carla import File, Imported, import_configurations
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.source import yaml_reader
 from recipe_compiler.source.yaml_reader import Value
@@ -22,14 +22,14 @@ TOGETHER = {"paper": PAPER, "oscar": OSCAR, **{path.stem: (path,) for path in SI
 @functools.cache
 def import_files(*paths: Path, town: str | None = None) -> tuple[Imported, ...]:
     """The imports of files; their paths in reports are their names."""
-    return imported([File(path.name, path.read_bytes()) for path in paths], town=town)
+    return import_configurations([File(path.name, path.read_bytes()) for path in paths], town=town)
 
 
 def import_text(text: str, *weathers: str, town: str | None = None) -> Imported:
     """The import of one configuration, `config.yaml`, with weathers `weather0.yaml` and so on."""
     files = [File("config.yaml", text.encode())]
     files += [File(f"weather{number}.yaml", each.encode()) for number, each in enumerate(weathers)]
-    (one,) = imported(files, town=town)
+    (one,) = import_configurations(files, town=town)
     return one
 
 

@@ -1,4 +1,4 @@
-"""Poses of CARLA, by its own rotation matrix, mirrored in y, are the poses of the import."""
+"""CARLA's poses, by its own rotation matrix and mirrored in y, equal the imported poses."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recipe_compiler.carla.handedness import Pose, board, turned
+from recipe_compiler.carla.handedness import Pose, board_pose, normalize_angle
 
 angles = st.floats(-720, 720)
 metres = st.floats(-1000, 1000)
@@ -17,7 +17,7 @@ MIRROR = np.diag([1.0, -1.0, 1.0])
 
 
 def carla_rotation(pose: Pose) -> NDArray[np.float64]:
-    """The rotation of `carla.Transform.get_matrix`, of the numbers as CARLA has them."""
+    """Return the rotation of `carla.Transform.get_matrix`, with CARLA's left-handed numbers."""
     cy, sy = math.cos(math.radians(pose.yaw)), math.sin(math.radians(pose.yaw))
     cp, sp = math.cos(math.radians(pose.pitch)), math.sin(math.radians(pose.pitch))
     cr, sr = math.cos(math.radians(pose.roll)), math.sin(math.radians(pose.roll))
@@ -36,7 +36,7 @@ def position(pose: Pose) -> NDArray[np.float64]:
 
 @given(poses)
 def test_a_pose_is_carlas_mirrored_in_y(pose: Pose) -> None:
-    ours = pose.of_carla()
+    ours = pose.to_right_handed()
     assert np.allclose(MIRROR @ carla_rotation(pose) @ MIRROR, np.array(ours.rows), atol=1e-9)
     assert np.array_equal(MIRROR @ position(pose), position(ours))
     assert all(-180.0 < angle <= 180.0 for angle in (ours.yaw, ours.pitch, ours.roll))
@@ -44,7 +44,7 @@ def test_a_pose_is_carlas_mirrored_in_y(pose: Pose) -> None:
 
 @given(poses, poses)
 def test_poses_compose_as_matrices_do(parent: Pose, child: Pose) -> None:
-    composed = parent.of_carla().of(child.of_carla())
+    composed = parent.to_right_handed().compose(child.to_right_handed())
     rotation = carla_rotation(parent) @ carla_rotation(child)
     place = position(parent) + carla_rotation(parent) @ position(child)
     assert np.allclose(np.array(composed.rows), MIRROR @ rotation @ MIRROR, atol=1e-6)
@@ -54,7 +54,7 @@ def test_poses_compose_as_matrices_do(parent: Pose, child: Pose) -> None:
 @given(poses, st.floats(0.1, 50))
 def test_a_board_has_the_corners_of_oscars_patch(pose: Pose, height: float) -> None:
     width = 3.0
-    found = board(pose.of_carla(), height)
+    found = board_pose(pose.to_right_handed(), height)
     rotation = np.array(found.rows)
     for right, down in ((-1, -1), (1, -1), (1, 1), (-1, 1)):  # OSCAR's order, from the upper left, clockwise
         theirs = position(pose) + carla_rotation(pose) @ np.array([right * width / 2, down * height / 2, 0.0])
@@ -66,5 +66,5 @@ def test_a_board_has_the_corners_of_oscars_patch(pose: Pose, height: float) -> N
 
 @given(angles)
 def test_turned_angles_are_the_same_direction(angle: float) -> None:
-    assert -180.0 < turned(angle) <= 180.0
-    assert math.isclose(math.remainder(angle - turned(angle), 360.0), 0.0, abs_tol=1e-9)
+    assert -180.0 < normalize_angle(angle) <= 180.0
+    assert math.isclose(math.remainder(angle - normalize_angle(angle), 360.0), 0.0, abs_tol=1e-9)

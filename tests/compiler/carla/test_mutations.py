@@ -1,4 +1,4 @@
-"""Whatever stands in a configuration, its import ends in a recipe with a complete report, or in problems."""
+"""Any configuration is imported to a recipe with a complete report, or ends with problems."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler.carla import File, imported
+from recipe_compiler.carla import File, import_configurations
 from recipe_compiler.carla.report import Node
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.source import yaml_reader
@@ -73,7 +73,7 @@ def mutated(draw: st.DrawFn) -> str:
 @given(mutated())
 def test_an_import_ends_in_a_complete_report_or_in_problems(text: str) -> None:
     try:
-        (one,) = imported([File("config.yaml", text.encode())])
+        (one,) = import_configurations([File("config.yaml", text.encode())])
     except InputError as error:
         for problem in error.problems:
             assert problem.place is not None and problem.help and "; " not in problem.help, problem

@@ -1,22 +1,22 @@
-"""Broken and hostile configurations are refused with file, line, value and remedy; nothing in them is executed."""
+"""Invalid and hostile configurations are errors with file, line, value and remedy; nothing in them is executed."""
 
 from __future__ import annotations
 
 import time
 
 import pytest
-from recipe_compiler.carla import File, Outcome, imported
+from recipe_compiler.carla import File, Outcome, import_configurations
 from recipe_compiler.ir.errors import InputError
 
 CAMERA = "  - blueprint: {name: sensor.camera.rgb}\n"
 HEAD = "max_frames: 3\nspawn_actors:\n"
 REFUSED = {
     "empty": ("", "config.yaml:1:1: the file is empty; name a configuration of CARLA's data collector"),
-    "a list": ("- 1\n", "config.yaml:1:1: a configuration is a map of keys and values, and this is not"),
+    "a list": ("- 1\n", "config.yaml:1:1: a configuration must be a map of keys and values"),
     "no actors": ("carla: {seed: 1}\n", "config.yaml:1:1: no configuration: none of the files has spawn_actors"),
     "no camera": (
         HEAD + "  - blueprint: {name: vehicle.*}\n",
-        "config.yaml:2:1: spawn_actors: it has no camera, and so no pictures; add a sensor, such as sensor.camera.rgb",
+        "config.yaml:2:1: spawn_actors: the configuration has no camera; add a sensor, such as sensor.camera.rgb",
     ),
     "no frames": (
         "spawn_actors:\n" + CAMERA,
@@ -37,12 +37,12 @@ REFUSED = {
     ),
     "rate": (
         HEAD + CAMERA + "carla: {fps: 12.5}\n",
-        "config.yaml:4:9: carla.fps: 12.5 steps per second are 12.5 frames per second; choose a whole number of frames"
+        "config.yaml:4:9: carla.fps: 12.5 steps per second is 12.5 frames per second; choose a whole number of frames"
         " per second, 1 to 1000",
     ),
     "town": (
         HEAD + CAMERA + "carla: {townmap: Atlantis}\n",
-        "config.yaml:4:9: carla.townmap: CARLA's release has no town 'Atlantis'; write one of Town01 to Town07,"
+        "config.yaml:4:9: carla.townmap: CARLA has no town 'Atlantis'; write one of Town01 to Town07,"
         " Town10HD, Town11, Town12, Town13, Town15, or choose one of downtown, highway, plaza, suburb in the command",
     ),
     "actors are a number": (
@@ -61,8 +61,8 @@ REFUSED = {
     ),
     "no kind": (
         HEAD + CAMERA + "  - blueprint: {name: '*'}\n",
-        'config.yaml:4:17: spawn_actors[1].blueprint.name: "*" is no blueprint of CARLA\'s; write walker.*, vehicle.*'
-        " or the name of a sensor, such as sensor.camera.rgb",
+        'config.yaml:4:17: spawn_actors[1].blueprint.name: "*" is not a blueprint of CARLA\'s; write walker.*,'
+        " vehicle.* or the name of a sensor, such as sensor.camera.rgb",
     ),
     "position": (
         HEAD + CAMERA + "    transform: {location: {x: far}}\n",
@@ -75,7 +75,7 @@ REFUSED = {
     "picture": (
         HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {image_size_x: '4'}}\n",
         'config.yaml:3:49: spawn_actors[0].blueprint.attr.image_size_x: "4": input should be greater than or equal to'
-        " 16; write a value that cameras here can have",
+        " 16; write a value that a recipe's camera may have",
     ),
     "role": (
         HEAD + CAMERA + "    attach_to: nobody\n",
@@ -91,17 +91,17 @@ REFUSED = {
         + "  - blueprint: {name: vehicle.*, attr: {role_name: car}}\n"
         + CAMERA
         + "    attach_to: car\n    attachment: glue\n",
-        'config.yaml:6:5: spawn_actors[1].attachment: "glue" is no attachment; write rigid or spring_arm',
+        'config.yaml:6:5: spawn_actors[1].attachment: "glue" is not an attachment; write rigid or spring_arm',
     ),
     "fast": (
         HEAD + "  - blueprint: {name: sensor.camera.rgb, speed: 50}\n    transform: {location: {x: 1}}\n"
         "    destination_transform: {location: {x: 9}}\n",
-        "config.yaml:3:42: spawn_actors[0].blueprint.speed: 50 metres per frame at 30 frames per second are 1500 m/s;"
+        "config.yaml:3:42: spawn_actors[0].blueprint.speed: 50 metres per frame at 30 frames per second is 1500 m/s;"
         " write more than 0 and at most 3.33333 metres per frame",
     ),
     "tick": (
         HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.05'}}\n",
-        "config.yaml:3:49: spawn_actors[0].blueprint.attr.sensor_tick: 0.05 s are 1.5 frames at 30 frames per second;"
+        "config.yaml:3:49: spawn_actors[0].blueprint.attr.sensor_tick: 0.05 s is 1.5 frames at 30 frames per second;"
         " write 0.033333 or 0.066667, or 0 for every frame",
     ),
     "weather": (
@@ -120,12 +120,12 @@ REFUSED = {
     "tag": (HEAD + CAMERA + "weather: !!python/object:os.system {}\n", "config.yaml:4:10: the tag"),
     "colour": (
         HEAD + CAMERA + "  - blueprint: {name: vehicle.*, attr: {color: blue}}\n",
-        'config.yaml:4:41: spawn_actors[1].blueprint.attr.color: "blue" is no colour; write red, green, blue, such as'
-        ' "255,0,0"',
+        'config.yaml:4:41: spawn_actors[1].blueprint.attr.color: "blue" is not a colour; write red, green, blue, such'
+        ' as "255,0,0"',
     ),
     "class": (
         "max_frames: 1\nactors:\n  a: {_target_: os.system}\n",
-        'config.yaml:3:7: actors.a._target_: "system" is no class of OSCAR\'s actors; write one of Camera, Sensor',
+        'config.yaml:3:7: actors.a._target_: "system" is not a class of OSCAR\'s actors; write one of Camera, Sensor',
     ),
     "generator": (
         "max_frames: 1\nactors:\n  c: {_target_: x.Camera, modalities: [rgb]}\n"
@@ -142,7 +142,7 @@ REFUSED = {
 def refusal(*texts: str) -> str:
     files = [File(f"config{number or ''}.yaml", text.encode()) for number, text in enumerate(texts)]
     with pytest.raises(InputError) as caught:
-        imported(files)
+        import_configurations(files)
     assert all(problem.help and "; " not in problem.help for problem in caught.value.problems)
     assert all(problem.place for problem in caught.value.problems)
     return str(caught.value)
@@ -167,7 +167,7 @@ def test_two_broken_files_are_both_reported() -> None:
 
 def test_a_problem_shows_its_line() -> None:
     with pytest.raises(InputError) as caught:
-        imported([File("config.yaml", b"max_frames: 0\nspawn_actors: []\n")])
+        import_configurations([File("config.yaml", b"max_frames: 0\nspawn_actors: []\n")])
     assert caught.value.problems[0].source == "max_frames: 0"
 
 
@@ -201,7 +201,7 @@ def test_hostile_input_is_refused_soon(case: str) -> None:
     started = time.process_time()
     content = HOSTILE[case].encode("latin-1")
     with pytest.raises(InputError) as caught:
-        imported([File("config.yaml", content)])
+        import_configurations([File("config.yaml", content)])
     assert caught.value.problems[0].place
     assert time.process_time() - started < 10.0
 
@@ -209,14 +209,14 @@ def test_hostile_input_is_refused_soon(case: str) -> None:
 def test_long_keys_are_shortened_in_paths() -> None:
     """A report repeats the path of a value for each value below it."""
     text = f"? {'k' * 100_000}\n: [{'1, ' * 2000}]\n" + HEAD + CAMERA
-    (one,) = imported([File("config.yaml", text.encode())])
+    (one,) = import_configurations([File("config.yaml", text.encode())])
     assert sum(len(line) for line in one.report.lines()) < 500_000
 
 
 @pytest.mark.parametrize("index", ["a.\u00b2", f"a[{'9' * 5000}]"])
 def test_references_to_an_odd_index_are_text(index: str) -> None:
     text = f"q: '${{{index}}}'\na: [1]\n" + HEAD + CAMERA
-    (one,) = imported([File("config.yaml", text.encode())])
+    (one,) = import_configurations([File("config.yaml", text.encode())])
     assert any(row.key == "q" and row.outcome is Outcome.IGNORED for row in one.report.rows)
 
 
@@ -224,15 +224,15 @@ def test_shared_files_count_with_each_configuration() -> None:
     shared = File("shared.yaml", f"a: [{'1, ' * 6000}]\n".encode())
     files = [File(f"c{number}.yaml", (HEAD + CAMERA).encode()) for number in range(20)]
     with pytest.raises(InputError, match="import fewer files at once"):
-        imported([shared, *files])
+        import_configurations([shared, *files])
 
 
 def test_too_many_files_are_refused() -> None:
     with pytest.raises(InputError, match="import at most 200 at once"):
-        imported([File("config.yaml", b"")] * 201)
+        import_configurations([File("config.yaml", b"")] * 201)
 
 
 def test_text_that_a_terminal_would_obey_is_escaped() -> None:
     text = HEAD + CAMERA + '"key\\u001b[31m": "\\u001b[2J"\noutput_dir: "\\u202e"\n'
-    (one,) = imported([File("config.yaml", text.encode())])
+    (one,) = import_configurations([File("config.yaml", text.encode())])
     assert all(line.isprintable() for line in [*one.report.lines(), *one.text.splitlines()])

@@ -1,4 +1,4 @@
-"""Every key of a configuration is in the report of its import, with file and line: nothing is dropped in silence."""
+"""Every key of a configuration is in the report of its import, with file and line."""
 
 from __future__ import annotations
 

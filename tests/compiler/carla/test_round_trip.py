@@ -1,4 +1,4 @@
-"""What both languages know loses nothing: poses, weather and clock of the plan follow from the configuration."""
+"""An import preserves what both languages express: poses, weather and clock."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ rigs = st.fixed_dictionaries(
 
 
 def place_of(rig: Any) -> str:
-    """What tells rigs apart: those at one place could become one sensor."""
+    """Return what distinguishes rigs: those at the same pose could become one sensor."""
     return json.dumps(rig["pose"]["location"])
 
 
@@ -74,7 +74,7 @@ OURS = {"rgb": "rgb", "depth": "depth", "instance_segmentation": "instance"}
 
 
 def written(given: dict[str, Any]) -> str:
-    """The configuration as YAML, of which JSON is a part."""
+    """Return the configuration as JSON, which is a subset of YAML."""
     entry: dict[str, Any]
     spawned: list[dict[str, Any]] = [
         {"blueprint": {"name": f"{kind}.*", "attr": {"role_name": kind}}} for kind in ("walker", "vehicle")
@@ -105,7 +105,7 @@ def written(given: dict[str, Any]) -> str:
 
 
 def position(rig: dict[str, Any], frame: int, fps: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Where the collector's sensor is, left-handed, without jitter: speed metres a frame, until it is there."""
+    """Return the position of the collector's sensor, left-handed, without jitter: `speed` metres per frame."""
     start: np.ndarray[Any, np.dtype[np.float64]] = np.array([rig["pose"]["location"][axis] for axis in "xyz"])
     if "goal" not in rig:
         return start
@@ -161,9 +161,9 @@ def test_what_both_languages_know_loses_nothing(given: dict[str, Any]) -> None:
 
 
 def _shift(text: str) -> tuple[float, float]:
-    """The vector that the head of a recipe names."""
+    """Return the shift that the comment at the top of a recipe states."""
     head = " ".join(line.lstrip("# ") for line in text.splitlines() if line.startswith("#"))
     if "everything is moved by" not in head:
         return 0.0, 0.0
-    x, y = head.partition("moved by x ")[2].partition(", so")[0].split(", y ")
+    x, y = head.partition("moved by x ")[2].partition(", which")[0].split(", y ")
     return float(x), float(y)

@@ -1,4 +1,4 @@
-"""What entries of a configuration become: carriers, rigs, blueprints, names, places, traffic and weathers."""
+"""Conversion of entries: parents, sensors, blueprints, names, positions, traffic and weathers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from recipe_compiler.carla import File, imported
+from recipe_compiler.carla import File, import_configurations
 from recipe_compiler.carla.catalogue import blueprints as catalogue
 from recipe_compiler.carla.catalogue import towns
 from recipe_compiler.carla.placement import Point, Site
@@ -80,7 +80,7 @@ def test_oscars_files_are_sorted_by_what_they_hold(tmp_path: Path) -> None:
     context = "sync_params: {fps: 12}\nclient_params: {seed: 5}\n"
     scene = "max_frames: 2\nactors: {eye: {_target_: a.Camera, modalities: [rgb]}}\n"
     files = [File(f"{number}.yaml", text.encode()) for number, text in enumerate((collector, context, scene))]
-    (one,) = imported(files)
+    (one,) = import_configurations(files)
     (plan,) = compiled(one, tmp_path).plan.variants
     assert (one.name, plan.scene.clock.fps, plan.scene.clock.frames, plan.appearance.seed) == ("2", 12, 2, 5)
     assert {(row.place.file, row.key) for row in one.report.rows} >= {
@@ -109,7 +109,7 @@ def test_a_sensor_in_a_sensor_that_moves_is_of_its_rig(tmp_path: Path) -> None:
     text += "      - blueprint: {name: sensor.camera.depth}\n"
     (sensor,) = plan_of(text, tmp_path).rig.sensors
     assert sensor.capture == ("rgb", "depth")
-    with pytest.raises(InputError, match="to which it is attached, moves"):
+    with pytest.raises(InputError, match="which moves, but has a different pose"):
         import_text(text + "        transform: {location: {x: 1}}\n")
 
 
@@ -160,31 +160,30 @@ def test_names_differ_in_more_than_case(tmp_path: Path) -> None:
 
 
 def test_carlas_blueprints_become_those_of_the_library() -> None:
-    for name in catalogue._LIKE:
+    for name in catalogue._CLOSEST:
         kind = name.split(".")[0]
-        found = catalogue.most_like(name, kind, 0, "actor")
+        found = catalogue.closest_match(name, kind, 0, "actor")
         assert found is not None and blueprints.match(found[0]), name
-    assert catalogue.most_like("walker.pedestrian.0009", "walker", 0, "a") != ("walker.pedestrian.0009", "")
-    chosen = {catalogue.most_like("vehicle.audi.*", "vehicle", seed, "a") for seed in range(40)}
+    assert catalogue.closest_match("walker.pedestrian.0009", "walker", 0, "a") != ("walker.pedestrian.0009", "")
+    chosen = {catalogue.closest_match("vehicle.audi.*", "vehicle", seed, "a") for seed in range(40)}
     assert len(chosen) == 3  # a2, etron, tt
-    again = {catalogue.most_like("vehicle.audi.*", "vehicle", 5, "a") for _ in range(3)}
+    again = {catalogue.closest_match("vehicle.audi.*", "vehicle", 5, "a") for _ in range(3)}
     assert len(again) == 1
-    assert catalogue.most_like("vehicle.none", "vehicle", 0, "a") is None
+    assert catalogue.closest_match("vehicle.none", "vehicle", 0, "a") is None
 
 
 def test_children_stay_children() -> None:
     for number in (9, 10, 14, 48, 49):
-        found = catalogue.most_like(f"walker.pedestrian.{number:04d}", "walker", 0, "a")
+        found = catalogue.closest_match(f"walker.pedestrian.{number:04d}", "walker", 0, "a")
         assert found is not None
         (person,) = blueprints.match(found[0])
         assert person.attributes["generation"] == "child"
 
 
 def test_every_town_of_carla_has_one_here() -> None:
-    assert {towns.most_like(name)[0] for name in ("Town01", "Town03_Opt", "/Game/Carla/Maps/Town04", "Town15")} == set(  # type: ignore[index]
-        NAMES
-    )
-    assert towns.most_like("Atlantis") is None
+    matches = [towns.closest_match(name) for name in ("Town01", "Town03_Opt", "/Game/Carla/Maps/Town04", "Town15")]
+    assert {match[0] for match in matches if match is not None} == set(NAMES)
+    assert towns.closest_match("Atlantis") is None
 
 
 def test_actors_start_where_they_can_stand() -> None:

@@ -43,7 +43,7 @@ def town(request: pytest.FixtureRequest) -> Town:
 
 
 def corners(e: Element) -> list[tuple[float, float]]:
-    """Points around and within what stands on the ground: a trunk of a tree, a pole of a lamp."""
+    """Return points around and within objects on the ground, such as a tree's trunk or a lamp's pole."""
     x, y, _ = e.size
     x, y = (2 * e.shape["trunk"],) * 2 if e.kind == "tree" else (0.1, 0.1) if e.kind == "sign" else (x, y)
     shift = -x / 2 if e.kind in FRONTED else 0.0
@@ -76,7 +76,7 @@ def in_lane(town: Town, x: float, y: float) -> bool:
 
 
 class Obstacles:
-    """Points of what stands in a town, found by their place."""
+    """Points of the objects of a town, found by position."""
 
     def __init__(self, town: Town) -> None:
         self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
@@ -118,7 +118,7 @@ def test_spawn_points_are_on_the_right_ground(town: Town) -> None:
 
 @all_towns
 def test_routes_meet_nothing_that_stands(town: Town) -> None:
-    """No one is sent into what stands beside their way: wheels keep a metre, walkers a shoulder's width."""
+    """Routes keep away from objects: wheels by a metre, walkers by a shoulder's width."""
     solid = Obstacles(town)
     for n in range(40):
         category, room = (("vehicle", 1.0), ("pedestrian", 0.3))[n % 2]

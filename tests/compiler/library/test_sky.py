@@ -1,4 +1,4 @@
-"""Weather presets, and where the sun stands."""
+"""Weather presets, and the position of the sun."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Towns: what the compiler promises of their layout, and that draws are keyed by name."""
+"""Towns: properties of their layout, and draws keyed by name."""
 
 from __future__ import annotations
 

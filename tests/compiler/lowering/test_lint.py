@@ -1,11 +1,11 @@
-"""Warnings of what is allowed and hardly meant; what is common is not warned of."""
+"""Warnings of values that are valid but probably mistakes; common values cause none."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
-from recipe_compiler.ir.ground import ways
+from recipe_compiler.ir.ground import path_planner
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import enclosures
 
@@ -108,5 +108,5 @@ def test_places_where_the_town_lets_actors_start_are_free_and_not_enclosed(name:
     town = towns.build(name, 0, {})
     yards = enclosures.Yards(town)
     poses = [*(point.pose for point in town.spawn_points[::5]), *town.parking[::5]]
-    assert all(town.obstacles.at(pose.x, pose.y, ways.BODY) is None for pose in poses)
+    assert all(town.obstacles.at(pose.x, pose.y, path_planner.BODY) is None for pose in poses)
     assert not any(yards.around(pose.x, pose.y) for pose in poses)

@@ -1,4 +1,4 @@
-"""Patches in recipes: what of them is scene and what is appearance, where they lie, and what is refused."""
+"""Patches in recipes: which parts are scene and which appearance, their positions, and errors."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def refused(folder: Path, patch: dict[str, Any], **base: Any) -> str:
 
 
 def test_a_patch_changes_the_appearance_alone(tmp_path: Path) -> None:
-    """Mode, texture, place, gloss: no body moves, and no camera sees another shape."""
+    """Mode, texture, position and gloss of a patch change neither scene nor rig."""
     changes: dict[str, Any] = {
         "green": {"mode": "green"},
         "digital": {"mode": "digital"},
@@ -58,7 +58,7 @@ def test_a_patch_changes_the_appearance_alone(tmp_path: Path) -> None:
 
 
 def test_without_patches_no_plan_changes() -> None:
-    """An absent part is not part of the document, so datasets and digests of earlier recipes stay as they are."""
+    """An absent part is omitted from the document, so digests of earlier recipes do not change."""
     plan = only(small())
     assert "patches" not in plan.appearance.document() and "patches" not in plan.document()["appearance"]  # type: ignore[operator]
     again = AppearancePlan.model_validate(plan.appearance.document())
@@ -84,7 +84,7 @@ def test_a_board_is_part_of_the_scene_and_its_texture_is_not(tmp_path: Path) -> 
 
 
 def test_a_patch_lies_around_its_point(tmp_path: Path) -> None:
-    """x goes to the right from the surface's middle, seen from its front, and z up from the foot of the body."""
+    """Seen from the front, x is to the right of the surface's middle, and z is up from the foot of the body."""
     patch = patch_of(tmp_path, {"on": WALL, "texture": RED})
     compiled_plan = compiled(tmp_path, {"poster": {"on": WALL, "texture": RED}}).plan.variants[0]
     wall = next(e for e in compiled_plan.scene.town.elements if e.name == "wall.0")
@@ -128,13 +128,13 @@ def test_the_placeholder_is_green(tmp_path: Path, mode: str) -> None:
         ({"on": {"actor": "hero3"}, "texture": RED}, ['"hero3" is not an actor', 'did you mean "hero']),
         ({"on": {"prop": "sofa"}, "texture": RED}, ['"sofa" is not a prop']),
         ({"on": {**WALL, "size": {"width": 12, "height": 1}}, "texture": RED},
-         ["12 x 1 m does not fit the front of wall.0", "largest at x = 0.5, z = 1.2 is"]),
+         ["12 x 1 m does not fit the front of wall.0", "at x = 0.5, z = 1.2"]),
         ({"on": {**WALL, "at": {"z": 9}}, "texture": RED}, ["z = 9 m is not on the front of wall.0", "z from 0.25 to"]),
         ({"on": {"town": "wall.0"}, "texture": RED}, ["needs a size", "at most"]),
-        ({"on": {"actor": "hero1", "size": SIZE}, "texture": RED}, ["shirt is covered whole", "name another surface"]),
+        ({"on": {"actor": "hero1", "size": SIZE}, "texture": RED}, ["shirt is a texture map", "name another surface"]),
         (
             {"on": {"actor": "hero1"}, "mode": "digital", "texture": RED},
-            ["poster.mode: digital needs a rectangle; shirt is covered whole", "mode: rendered"],
+            ["poster.mode: digital needs a rectangle; shirt is a texture map", "mode: rendered"],
         ),
         (
             {"on": WALL, "texture": RED, "color_transfer": {"method": "reinhard"}},

@@ -1,4 +1,4 @@
-"""Where actors start, and their instance numbers."""
+"""Starts of actors, and their instance numbers."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def test_a_camera_inside_its_carrier_is_reported_with_a_remedy() -> None:
         "car": {"blueprint": "vehicle.sedan.a", "start": {"x": 20, "y": -1.75, "yaw": 0}}
     }
     (warning,) = [w for w in warnings(actors=actors, sensors=camera(on="car", z=0.8)) if "sensors" in w.message]
-    assert warning.message == "sensors.front: it is inside car, the actor that carries it"
+    assert warning.message == "sensors.front: it is inside car, the actor that it is mounted on"
     assert warning.help == "`recipe blueprints vehicle.sedan.a` prints a mount that sees the road, as dashcam"
 
 
@@ -75,5 +75,5 @@ def test_the_mount_that_a_blueprint_recommends_is_outside_and_the_middle_is_insi
         )
         found = list(plausibility.of_views(base, RigPlan(sensors=(sensor,)), [carrier], 10))
         assert [problem.message for problem in found] == [
-            f"sensors.a: it is inside {carrier.name}, the actor that carries it"
+            f"sensors.a: it is inside {carrier.name}, the actor that it is mounted on"
         ] * inside

@@ -1,4 +1,4 @@
-"""Walking routes: round obstacles, straight where that is free, and no start or goal inside something solid."""
+"""Walking routes: around obstacles, straight where free, and no start or goal inside an obstacle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.ground.ways import CLEARANCE, Planner, TooManyObstaclesError, TooMuchWorkError, Work
+from recipe_compiler.ir.ground.path_planner import CLEARANCE, Planner, TooManyObstaclesError, TooMuchWorkError, Work
 from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
 from recipe_compiler.limits import TooLargeError
@@ -63,7 +63,7 @@ def test_a_way_keeps_its_distance_to_all_obstacles(obstacles: list[Obstacle], st
     planner, goal = Planner(ObstacleMap(obstacles)), (0.0, 11.0)
     if not (planner.clear(*start) and planner.clear(*goal)):
         return
-    points = planner.way(start, goal)
+    points = planner.shortest_path(start, goal)
     if points is None:
         return
     assert points[-1] == goal
@@ -77,7 +77,7 @@ def test_a_way_keeps_its_distance_to_all_obstacles(obstacles: list[Obstacle], st
 @settings(max_examples=30, deadline=None)
 def test_a_free_way_is_straight_and_ways_are_the_same_in_both_directions(obstacles: list[Obstacle]) -> None:
     planner, a, b = Planner(ObstacleMap(obstacles)), (-11.0, -11.0), (11.0, 11.0)
-    there, back = planner.way(a, b), planner.way(b, a)
+    there, back = planner.shortest_path(a, b), planner.shortest_path(b, a)
     if not any(o.meets((*a, *b), CLEARANCE) for o in obstacles):
         assert there == [b]
     assert (there is None) == (back is None)
@@ -88,7 +88,7 @@ def test_a_free_way_is_straight_and_ways_are_the_same_in_both_directions(obstacl
 
 def test_the_way_round_a_box_is_the_shorter_one() -> None:
     planner = Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]))
-    points = planner.way((-5.0, 0.0), (5.0, 0.0))
+    points = planner.shortest_path((-5.0, 0.0), (5.0, 0.0))
     assert points is not None
     assert [(round(x, 1), round(y, 1)) for x, y in points] == [(-1.4, -1.9), (1.4, -1.9), (5.0, 0.0)]
 
@@ -98,15 +98,15 @@ def test_no_way_leads_into_a_closed_ring() -> None:
         box(4 * math.cos(a), 4 * math.sin(a), math.degrees(a), 0.3, 2.0) for a in (k * math.pi / 4 for k in range(8))
     ]
     planner = Planner(ObstacleMap(ring))
-    assert planner.way((-9.0, 0.0), (0.0, 0.0)) is None
-    assert planner.way((-9.0, 0.0), (9.0, 0.0)) is not None
+    assert planner.shortest_path((-9.0, 0.0), (0.0, 0.0)) is None
+    assert planner.shortest_path((-9.0, 0.0), (9.0, 0.0)) is not None
 
 
 def test_the_work_of_all_searches_is_bounded() -> None:
     planner = Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), work=60)
     with pytest.raises(TooManyObstaclesError):
         for _ in range(100):
-            planner.way((-5.0, 0.0), (5.0, 0.0))
+            planner.shortest_path((-5.0, 0.0), (5.0, 0.0))
 
 
 def test_the_work_of_a_whole_recipe_is_bounded() -> None:
@@ -114,7 +114,7 @@ def test_the_work_of_a_whole_recipe_is_bounded() -> None:
     planners = [Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), total=total) for _ in range(100)]
     with pytest.raises(TooMuchWorkError):
         for planner in planners:
-            planner.way((-5.0, 0.0), (5.0, 0.0))
+            planner.shortest_path((-5.0, 0.0), (5.0, 0.0))
     huge = Planner(ObstacleMap([box(0, 0, 0, 1000.0, 1000.0)]))
     with pytest.raises(TooMuchWorkError):
         huge.nearest_free(0.0, 0.0, work=Work(100_000))
@@ -209,9 +209,9 @@ def test_a_place_inside_a_building_is_refused_with_the_nearest_free_one(actor: d
 
 def test_a_goal_that_cannot_be_reached_is_refused() -> None:
     message = refused(actors={"lost": walker(36, 0, goal={"x": -4, "y": 0})})
-    assert "actors.lost.goal: no way leads there from x: 36, y: 0; the nearest free point is x: " in message
+    assert "actors.lost.goal: it cannot be reached from x: 36, y: 0; the nearest free point is x: " in message
     message = refused(actors={"lost": walker(-4, 0, goal={"x": 36, "y": 0})})
-    assert "actors.lost.goal: no way leads there from x: -4, y: 0; the nearest free point is x: " in message
+    assert "actors.lost.goal: it cannot be reached from x: -4, y: 0; the nearest free point is x: " in message
 
 
 CROWD = {"traffic": {"pedestrians": 60}, "clock": {"fps": 10, "frames": 300}}

@@ -44,9 +44,48 @@ def test_schema_is_a_schema() -> None:
     assert json.loads(json.dumps(SCHEMA)) == SCHEMA
 
 
-@pytest.mark.parametrize("path", [p for p in ACCEPTED if "extends" not in p.parts], ids=str)
+@pytest.mark.parametrize("path", ACCEPTED, ids=lambda path: str(path.relative_to(ROOT)))
 def test_schema_accepts_good_recipes(path: Path) -> None:
     jsonschema.Draft202012Validator(SCHEMA).validate(parts(path))
+
+
+def test_good_recipes_include_those_that_extend_others() -> None:
+    assert {path.stem for path in ACCEPTED if "extends" in parts(path)} >= {"background_ablation", "resolution"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"base": {"clock": {"frames": 12}, "actors": {"child": {"speed": 1}}, "patches": {"patch": None}}},
+        {"base": {"sensors": {"street": {"mount": {"z": 2}}}, "traffic": None}, "seed": None},
+        {"deltas": {"weather": None, "camera": {"still": None, "high": {"sensors": {"street": None}}}}},
+        {"sweep": {"draw": {"count": 3}}, "output": {"depth": None}, "assets": {"crate": None}},
+    ],
+)
+def test_a_recipe_that_extends_another_may_omit_and_remove_anything(change: dict[str, Any]) -> None:
+    """Such a recipe is a merge patch. Without `extends`, the same text lacks required keys, or has null for a value."""
+    validator = jsonschema.Draft202012Validator(SCHEMA)
+    validator.validate({"recipe": "small", "extends": "wall.yaml", **change})
+    assert list(validator.iter_errors({"recipe": "small", **change}))
+    assert list(validator.iter_errors({"recipe": "small", "extends": None, **change}))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"recipe": None},
+        {"base": {"clock": {"frames": "many"}}},
+        {"base": {"clok": {}}},
+        {"deltas": {"weather": {}}},
+        {"deltas": {"weather": {"foggy": {"weather": {"fog_density": 200}}}}},
+        {"sweep": {"draw": {"count": -1}}},
+    ],
+)
+def test_a_recipe_that_extends_another_is_checked(change: dict[str, Any]) -> None:
+    """What such a recipe contains must have the types and limits of any recipe."""
+    recipe = {"recipe": "small", "extends": "wall.yaml", **change}
+    assert list(jsonschema.Draft202012Validator(SCHEMA).iter_errors(recipe))
 
 
 @pytest.mark.parametrize("slug", FAILS_THE_SCHEMA)

@@ -1,4 +1,4 @@
-"""Frames with other textures have the bytes of a recipe with these, and their gradient is that of the renderer."""
+"""Frames with other textures have the bytes of a recipe with these textures; their gradient is the renderer's."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def view_of(weather: str, texture: Pixels = OWN, lens: str = "plain") -> PatchVi
 @pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize("weather", WEATHERS)
 def test_a_frame_with_another_texture_has_the_bytes_of_a_recipe_with_it(weather: str, lens: str) -> None:
-    """Also of another size, on several patches at once, and after other frames have been rendered."""
+    """This includes textures of other sizes, several patches at once, and frames rendered in between."""
     scene = scene_of(OWN, OTHER)
     kept = [frame_of(scene, plan_of(OWN, weather, lens), number) for number in (0, 1, 2)]
     for number, frame in enumerate(kept):
@@ -86,7 +86,7 @@ def test_a_frame_with_another_texture_has_the_bytes_of_a_recipe_with_it(weather:
 @pytest.mark.parametrize("lens", ["plain", "noisy", "coarse"])
 @pytest.mark.parametrize("weather", WEATHERS)
 def test_the_linear_map_has_the_renderers_bytes(weather: str, lens: str) -> None:
-    """Rounded where the renderer rounds: fewer than one in a thousand bytes differ, by a level."""
+    """With the renderer's rounding, fewer than one in a thousand bytes differ, by one level."""
     view = view_of(weather, lens=lens)
     for texture in (OTHER, np.zeros_like(OWN), np.full_like(OWN, 255)):
         shown, expected = view.rounded(texture), view.render(texture)
@@ -98,7 +98,7 @@ def test_the_linear_map_has_the_renderers_bytes(weather: str, lens: str) -> None
 
 @pytest.mark.parametrize("weather", WEATHERS)
 def test_products_with_the_matrix_and_its_transpose_agree(weather: str) -> None:
-    """<Ax, y> = <x, A'y> in exact arithmetic, and the products are those of these entries."""
+    """<Ax, y> = <x, A'y> in exact arithmetic, and the products equal those computed from the entries."""
     taps = view_of(weather).taps
     a, t = taps.matrix, taps.transpose
     entries = sorted(zip(np.repeat(np.arange(a.shape[0]), np.diff(a.firsts)), a.columns, a.weights, strict=True))
@@ -141,7 +141,7 @@ def test_finite_differences_agree(weather: str) -> None:
 
 @pytest.mark.parametrize("weather", ["noon", "rainy"])
 def test_finite_differences_of_the_renderer_agree(weather: str) -> None:
-    """Whole levels of one channel: what the renderer's bytes do on the average is what the gradient says."""
+    """Steps of entire levels in one channel: the mean change of the renderer's bytes agrees with the gradient."""
     view = view_of(weather)
     low, high = np.full_like(OWN, 120), np.full_like(OWN, 120)
     low[..., 1], high[..., 1] = 110, 130
@@ -151,7 +151,7 @@ def test_finite_differences_of_the_renderer_agree(weather: str) -> None:
 
 
 def test_a_texel_that_no_pixel_sees_has_no_gradient() -> None:
-    """The sticker hides a corner of the poster: it gets none, and no change of it shows."""
+    """The sticker hides a corner of the poster, whose gradient is 0 and whose changes have no effect."""
     over = FACE.model_copy(update={"corner": (5.0, 4.0, 3.2), "width": 1.2, "height": 0.9})
     plan = with_patches(
         WEATHERS["noon"],
@@ -178,7 +178,7 @@ def test_a_texture_of_the_walls_own_colour_gives_the_walls_bytes(weather: str) -
 
 
 def test_gradients_are_bytes() -> None:
-    """Two renderers give the same; so does one that has rendered other frames."""
+    """Two renderers agree, also if one has rendered other frames before."""
     scene = scene_of(OWN)
     views = [PatchView(frame_of(scene, plan_of(OWN, "rainy")), "poster", 32, 24) for _ in range(2)]
     views.append(view_of("rainy"))

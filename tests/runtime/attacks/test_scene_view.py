@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,7 @@ import recipe_runtime
 from recipe_compiler.ir.errors import InputError
 
 from tests.runtime.attacks.test_textures import RENDERED, SECOND, recipe_with
+from tests.sources import ROOT
 
 pytestmark = pytest.mark.torch
 torch = pytest.importorskip("torch")
@@ -41,7 +45,7 @@ def test_pictures_are_the_frames_bytes(view: Any, recipe: Path) -> None:
     for (variant, frame), shown, target in zip(PLACES, pictures, targets, strict=True):
         scene = recipe_runtime.open(recipe, variant)
         expected = scene.render(frame, textures={"poster": texture})
-        np.testing.assert_array_equal((shown * 255).round().to(torch.uint8).numpy().transpose(1, 2, 0), expected)
+        assert torch.equal(shown, torch.from_numpy(expected.transpose(2, 0, 1)) / 255)
         assert len(target["boxes"]) == len(scene.labels(frame)) and target["labels"].dtype == torch.int64
 
 
@@ -65,6 +69,37 @@ def test_the_gradient_is_that_of_the_views(view: Any, recipe: Path) -> None:
     assert np.abs(expected).max() > 0.01
 
 
+GRADIENT = """
+import sys
+from hashlib import sha256
+import torch
+from recipe_runtime.torch import SceneView
+from tests.runtime.attacks.test_scene_view import PLACES
+
+view = SceneView(sys.argv[1], "poster", PLACES)
+texture = (torch.arange(3 * 40 * 56).reshape(1, 3, 40, 56) % 97 / 96).requires_grad_()
+pictures = view.pictures(texture)
+weights = torch.arange(pictures.numel()).reshape(pictures.shape) % 89 / 88 - 0.4
+(gradient,) = torch.autograd.grad(pictures, texture, weights)
+assert gradient.abs().max() > 0.01
+print(torch.get_num_threads(), *(sha256(t.detach().numpy().tobytes()).hexdigest() for t in (pictures, gradient)))
+"""
+
+
+def test_pictures_and_gradients_have_equal_bytes_with_any_number_of_threads(recipe: Path) -> None:
+    """Compared in two processes, one with one thread and one with two."""
+    lines = []
+    for threads in ("1", "2"):
+        environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+        command = [sys.executable, "-c", GRADIENT, str(recipe)]
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600)
+        assert done.returncode == 0, done.stderr
+        lines.append(done.stdout.splitlines()[-1].split())
+    (one, *expected), (two, *found) = lines
+    assert (one, two) == ("1", "2")
+    assert found == expected
+
+
 def test_torchs_check_of_gradients(recipe: Path) -> None:
     from recipe_runtime.torch import SceneView
 
@@ -78,7 +113,7 @@ def test_torchs_check_of_gradients(recipe: Path) -> None:
 
 
 def test_descent_reaches_a_goal(view: Any) -> None:
-    """A texture that makes the picture that another texture makes, by steps along the gradient."""
+    """Gradient descent recovers a texture that produces the same picture as another texture."""
     goal = view.pictures(texture_of(SECOND), batch=1).detach()
     texture = torch.full((1, 3, 7, 9), 0.5, requires_grad=True)
     optimiser, losses = torch.optim.Adam([texture], lr=0.05), []

@@ -1,4 +1,4 @@
-"""Textures in `Scenario.render` and `Scenario.patch_view`: a build's bytes, and errors with a remedy."""
+"""Textures in `Scenario.render` and `Scenario.patch_view`: bytes equal to a build's, and errors with a remedy."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: S
     image = np.zeros((4, 4, 3), np.uint8)
     with pytest.raises(InputError, match="no patch 'sticker'; it has poster, paint"):
         scene.render(0, textures={"sticker": image})
-    with pytest.raises(InputError, match="its mode is green, so no texture is rendered; choose a variant"):
+    with pytest.raises(InputError, match="its mode is green, so it shows no texture; choose a variant"):
         recipe_runtime.open(recipes[0], "weather=clear,insertion=green").patch_view(0, "poster")
     with pytest.raises(InputError, match=r"shape \(4, 4\); give an array \[height, width, 3\]"):
         scene.render(0, textures={"poster": image[..., 0]})

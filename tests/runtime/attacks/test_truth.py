@@ -1,4 +1,4 @@
-"""The truth of patches: corners against another projection, masks against the picture, and the files of a build."""
+"""Ground truth of patches: corners by another projection, masks by the picture, and the files of a build."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ LENSES = [(0.0, 0.0), (0.25, 0.0), (-0.1, 0.05), (0.1, 0.3)]
 
 
 def pinhole(camera: CameraPlan, pose: NDArray[np.float64], point: tuple[float, ...]) -> NDArray[np.float64]:
-    """A point's pixel and depth, by matrices."""
+    """Return a point's pixel and depth, computed with matrices."""
     focal = camera.width / 2 / np.tan(np.radians(camera.fov) / 2)
     local = np.linalg.inv(np.vstack([pose, [0, 0, 0, 1]])) @ [*point, 1.0]
     x, y, z = -local[1], -local[2], local[0]
@@ -52,7 +52,7 @@ def pinhole(camera: CameraPlan, pose: NDArray[np.float64], point: tuple[float, .
 
 
 def bent(camera: CameraPlan, x: float, y: float) -> tuple[float, float]:
-    """Where the lens shows it, by bisection on the lens' formula."""
+    """Return the distorted position of a point, by bisection on the lens formula."""
     half = camera.width / 2
     dx, dy = (x - half) / half, (y - camera.height / 2) / half
     goal = float(np.hypot(dx, dy))
@@ -143,7 +143,7 @@ def truth_of(out: Path, variant: str, sensor: str, frame: int) -> FrameTruth:
 
 
 def test_a_build_writes_the_truth_of_every_frame(built: Path, compiled: Compiled) -> None:
-    """Per frame, sensor and variant, listed in the manifest; and the dataset verifies."""
+    """There is a file per frame, sensor and variant, listed in the manifest, and the dataset passes verification."""
     dataset = reader.read(built)
     for variant in compiled.plan.variants:
         for sensor in variant.rig.sensors:
@@ -157,7 +157,7 @@ def test_a_build_writes_the_truth_of_every_frame(built: Path, compiled: Compiled
 
 
 def test_a_variant_without_patches_has_none(tmp_path: Path) -> None:
-    """The kernel that numbers patches reads the first of them, and is not launched where there is none."""
+    """The kernel that numbers patches reads the first patch, so it must not be launched without patches."""
     head, rest = RECIPE.split("  patches:\n")
     (tmp_path / "plain.yaml").write_text(head + "  sensors:\n" + rest.split("  sensors:\n")[1])
     with recipe_runtime.open(tmp_path / "plain.yaml", variant="weather=clear") as scene:
@@ -165,7 +165,7 @@ def test_a_variant_without_patches_has_none(tmp_path: Path) -> None:
 
 
 def test_masks_are_where_colours_change(recipe: Path) -> None:
-    """Nothing else of the frame changes with a texture: the mask holds it, and what stands before it is left out."""
+    """Only the pixels of the mask change with a texture; occluders are not part of the mask."""
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
         seen = scene.render(1, "street", "instance")
         truth = {p["name"]: p for p in scene.patches(1, "street")["patches"]}
@@ -202,7 +202,7 @@ def test_a_records_numbers_agree(recipe: Path) -> None:
 
 
 def test_what_is_seen_lies_within_the_corners_also_through_a_lens(recipe: Path) -> None:
-    """`covered_pixels` and the renderer agree on a patch with nothing before it, but for centres at its very edge."""
+    """`covered_pixels` and the renderer agree on an unoccluded patch, except for pixel centres exactly on its edge."""
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
         for sensor in scene.plan.rig.sensors:
             truth = scene.patches(0, sensor.name)
@@ -216,7 +216,7 @@ def test_what_is_seen_lies_within_the_corners_also_through_a_lens(recipe: Path) 
 
 
 def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe: Path, tmp_path: Path) -> None:
-    """An earlier dataset is taken over by appearance, also for a sensor without a picture."""
+    """Files of an earlier dataset are reused by appearance, also for a sensor without pictures."""
     out, cache = tmp_path / "out", recipe.parent / "cache"
     text = recipe.read_text()
     plan, engines = opened(recipe)
@@ -247,7 +247,7 @@ def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe
     ],
 )
 def test_a_forged_plan_is_refused(recipe: Path, change: dict[str, Any], words: str) -> None:
-    """A dataset's plan may have been written by anyone."""
+    """Plans of datasets are untrusted input."""
     plan, _ = opened(recipe)
     first = plan.variants[0]
     patches = (first.appearance.patches[0].model_copy(update=change), *first.appearance.patches[1:])
@@ -257,7 +257,7 @@ def test_a_forged_plan_is_refused(recipe: Path, change: dict[str, Any], words: s
 
 
 def test_the_mask_is_the_geometric_one_without_what_stands_before_it(recipe: Path) -> None:
-    """By depth: a pixel shows the patch where the picture is as deep as its plane."""
+    """Return the mask computed from depth: a pixel shows the patch if its depth is that of the patch's plane."""
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
         sensor = scene.plan.rig.sensors[0]
         patch, truth = scene.plan.appearance.patches[0], scene.patches(1, "street")

@@ -16,7 +16,6 @@ import pycocotools.mask
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import Point, SensorPlan
@@ -33,7 +32,6 @@ from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.text_files import instances_of, labels_of
 
 from tests.runtime import fakes
-from tests.sources import ROOT
 
 PLAN = fakes.dataset_plan(frames=4)
 STREET = "weather=w0,jitter=still/street"
@@ -186,11 +184,6 @@ def test_another_order_than_the_plans_is_refused(copy: Path) -> None:
     first.write_bytes(second.read_bytes())
     with pytest.raises(InputError, match="is the plan of"):
         datasets.read(copy)
-
-
-@pytest.mark.parametrize("recipe", sorted((ROOT / "recipes").rglob("*.yaml")), ids=lambda path: path.stem)
-def test_every_recipes_plan_is_within_bounds(recipe: Path) -> None:
-    check_bounds(compile_recipe(recipe, allow_large=True).plan)
 
 
 def street(**values: Any) -> SensorPlan:

@@ -1,4 +1,4 @@
-"""Images for tests of insertion, and plain ways to sample them."""
+"""Images for tests of insertion, and simple functions to sample them."""
 
 from __future__ import annotations
 

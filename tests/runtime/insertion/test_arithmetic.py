@@ -22,7 +22,7 @@ SMOOTH = smooth(40, 60, 1, 3)
 
 @given(st.integers(1, 9), st.integers(1, 9), st.integers(1, 9), st.integers(1, 9), st.integers(0, 1000))
 def test_a_reduced_image_has_the_mean_of_each_texels_area(h: int, w: int, height: int, width: int, seed: int) -> None:
-    """Against repeated texels: enlarged by the target's size, the areas are whole numbers of texels."""
+    """Compared with repeated texels: enlarged by the target's size, the areas are integer numbers of texels."""
     height, width = min(h, height), min(w, width)
     image = np.random.default_rng(seed).integers(0, 256, (h, w, 3)).astype(np.uint8)
     large = np.repeat(np.repeat(image, height, 0), width, 1).astype(float)
@@ -39,11 +39,11 @@ def test_samples_are_bilinear_between_texels_centres(points: list[tuple[float, f
 
 
 def test_a_texture_has_the_size_at_which_it_is_seen() -> None:
-    """As many texels as the picture has pixels across it, and never more than there are."""
+    """The size is the number of pixels across the texture in the picture, at most its number of texels."""
     for width, height in ((30, 20), (7, 33), (500, 400)):
         back = np.array([[1.0 / width, 0, 0], [0, 1.0 / height, 0], [0, 0, 1.0]])
         x, y = np.array([0.5, width - 0.5]), np.array([0.5, height - 0.5])
-        found = texture_size(SMOOTH, back, x, y)
+        found = texture_size((60, 40), back, x, y)
         assert abs(found[0] - min(width, 60)) <= 1 and abs(found[1] - min(height, 40)) <= 1
         assert found[0] <= 60 and found[1] <= 40
 
@@ -51,7 +51,7 @@ def test_a_texture_has_the_size_at_which_it_is_seen() -> None:
 @given(st.integers(0, 10**6))
 @settings(max_examples=30)
 def test_least_squares_are_exact(seed: int) -> None:
-    """The residual is orthogonal to every term, exactly up to the rounding of the result; and numpy agrees."""
+    """The residual is orthogonal to every term, up to the rounding of the result, and numpy agrees."""
     random = np.random.default_rng(seed)
     rows = [[int(v) for v in row] for row in random.integers(-9, 10, (8, 3))]
     targets, weights = [int(v) for v in random.integers(-99, 100, 8)], [int(v) for v in random.integers(0, 4, 8)]
@@ -78,7 +78,7 @@ def test_rows_that_determine_nothing_have_no_solution() -> None:
 
 
 def chart(change: NDArray[np.float64], hidden: tuple[int, ...] = ()) -> ChartPixels:
-    """A chart whose colours are observed through an affine change [3, 4] of linear light."""
+    """Return a chart whose colours are observed through an affine transform [3, 4] of linear light."""
     counts = np.zeros((24, 3, 256), np.int64)
     for cell, colour in enumerate(COLORS):
         linear = change @ np.array([*((np.array(colour) / 255) ** 2.2), 1.0])
@@ -94,7 +94,7 @@ DIM = np.array([[0.5, 0.05, 0.0, 0.01], [0.02, 0.4, 0.02, 0.02], [0.0, 0.05, 0.3
 
 @pytest.mark.parametrize("hidden", [(), (0, 5, 12, 13, 20)])
 def test_the_matrix_is_found_again(hidden: tuple[int, ...]) -> None:
-    """A change of light that is a matrix is undone to within the rounding of the levels, also of a hidden cell."""
+    """A change of light that is a matrix is recovered up to the rounding of levels, also with a hidden cell."""
     found = color_transfer.transfer("matrix", chart(DIM, hidden)).texture(TEXTURE)
     linear = (TEXTURE[0] / 255) ** 2.2 @ DIM[:, :3].T + DIM[:, 3]
     np.testing.assert_allclose(found[0], 255 * linear ** (1 / 2.2), atol=2.0)

@@ -1,4 +1,4 @@
-"""The four modes of a patch: alike outside it, on the same pixels, and inserted where a homography says."""
+"""The four modes of a patch: equal outside it, on the same pixels, and inserted by a homography."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ deltas:
 
 
 def texture(seed: int) -> NDArray[np.uint8]:
-    """A texture without fine detail: 0 is smaller than it is seen, 20 x 12, others are 90 x 60."""
+    """Return a texture without fine detail: 0 is smaller than its size in the picture, 20 x 12, others are 90 x 60."""
     return smooth(60, 90, seed, 4) if seed else smooth(12, 20, seed, 1)
 
 
@@ -90,7 +90,7 @@ def shown(scene: Scenario, frame: int, sensor: str) -> NDArray[np.uint8]:
 
 @pytest.mark.parametrize("sensor", ["street", "bent"])
 def test_all_modes_lie_on_the_same_pixels(scenes: dict[str, Scenario], sensor: str) -> None:
-    """Insertion changes the placeholder's mask and no other pixel: occluders, and what is around, are untouched."""
+    """Insertion changes only pixels of the placeholder's mask: neither occluders nor the surroundings."""
     for frame in range(2):
         maps = [shown(scenes[mode], frame, sensor) for mode in MODES]
         assert all(np.array_equal(maps[0], other) for other in maps[1:])
@@ -186,7 +186,7 @@ FACE = PatchFace(part="static", corner=(5, 1, 2), right=(0, -1, 0), down=(0, 0, 
 
 @pytest.mark.parametrize(("mode", "calls"), [("rendered", 1), ("green", 1), ("digital", 2)])
 def test_what_is_not_inserted_costs_nothing(mode: str, calls: int) -> None:
-    """No copy and no map; and a patch that is not in the picture costs no chart."""
+    """Without insertion there is no copy and no patch map; a patch outside the picture renders no chart."""
     patch = PatchPlan(name="p", body="wall", faces=(FACE,), mode=mode, texture=PatchTexture(colour="#102030"))
     appearance = appearance_plan().model_copy(update={"patches": (patch,)})
     renderer = Counting()

@@ -1,4 +1,4 @@
-"""Shadows in the light of lamps: where they fall, what they cost by day, and that no cache changes them."""
+"""Shadows of lamps: their positions, no cost by day, and bytes that do not depend on caches."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def room(candela: float = 1400.0, *, caster_moves: bool = True, lamp_moves: bool
 
 
 def lit_view(bodies: list[Body], caster: Array | None = None) -> tuple[Observation, NDArray[np.float32]]:
-    """What the camera sees at night, and its radiance; `caster` is the transform of a caster that moves."""
+    """Return an observation at night and its radiance; `caster` is the transform of a moving caster."""
     renderer, moving = Renderer(bodies), [body.name for body in bodies if body.moves]
     parts = [caster if name == "caster" and caster is not None else from_pose(Pose()) for name in moving]
     seen = renderer.observe(VIEW, VIEWER, np.stack(parts) if parts else np.zeros((0, 3, 4)))
@@ -86,7 +86,7 @@ def seen_points(depth: NDArray[np.float32]) -> Array:
 
 
 def hidden(points: Array, grown: float) -> NDArray[np.bool_]:
-    """Whether the segment from each point to the lamp meets the caster, grown by some metres on every side."""
+    """Return whether the segment from each point to the lamp intersects the caster, enlarged by some metres."""
     low, high = LOW - grown, HIGH + grown
     way = LAMP - points
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -102,7 +102,7 @@ def hidden(points: Array, grown: float) -> NDArray[np.bool_]:
     ids=["static", "moving caster", "moving caster and lamp"],
 )
 def test_a_shadow_falls_where_rays_to_the_lamp_meet_the_caster(caster_moves: bool, lamp_moves: bool) -> None:
-    """On the wall, an independent ray test agrees beyond 0.12 m from the rim, and nothing else is darker."""
+    """On the wall, an independent ray test agrees beyond 0.12 m from the shadow's edge; nothing else is darker."""
     seen, picture = lit_view(room(caster_moves=caster_moves, lamp_moves=lamp_moves))
     _, dark = lit_view(room(1e-6, caster_moves=caster_moves, lamp_moves=lamp_moves))
     _, bright = lit_view(room(lamp_moves=lamp_moves), FAR_AWAY)
@@ -116,7 +116,7 @@ def test_a_shadow_falls_where_rays_to_the_lamp_meet_the_caster(caster_moves: boo
 
 
 def test_no_surface_shadows_itself() -> None:
-    """Without the caster, the wall and the road are as bright with shadow maps as without any caster in them."""
+    """Without the caster, wall and road have the same light with shadow maps as with empty ones."""
     seen, mapped = lit_view(room(), FAR_AWAY)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MapMemory, "draw", lambda *_: None)
@@ -130,7 +130,7 @@ def test_no_surface_shadows_itself() -> None:
 
 
 def test_by_day_no_map_of_a_lamp_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Weathers in which lamps are off cost nothing; their bytes are among the golden digests."""
+    """Nothing is computed in weathers in which lamps are off; golden digests check their bytes."""
     drawn: list[LampSlots] = []
     draw = LampShadowMaps.draw
 
@@ -148,7 +148,7 @@ def test_by_day_no_map_of_a_lamp_is_drawn(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_reuse_follows_a_shadow_that_moves_over_a_wall() -> None:
-    """The caster moves, its shadow is metres away on samples that nothing else touches: bytes equal fresh frames'."""
+    """The caster moves, and its shadow falls on distant, otherwise unchanged samples: bytes equal a new renderer's."""
     keeping, forgetting = Renderer(room()), Renderer(room(), reuse=NO_REUSE)
     pictures = []
     for frame, y in enumerate((0.0, 0.0, 0.3, 0.31, 1.5, 1.5, 60.0, 60.0, 0.0)):
@@ -162,7 +162,7 @@ def test_reuse_follows_a_shadow_that_moves_over_a_wall() -> None:
 
 
 def test_a_frame_stream_has_the_renderers_bytes_at_night() -> None:
-    """Recorded frames, of which each draws over the maps of an earlier one, by night and by day at once."""
+    """Recorded frames reuse the maps of earlier frames, by night and by day at the same time."""
     looks = [WEATHERS["night"], WEATHERS["noon"]]
     slow, fast = Renderer(street(), reuse=NO_REUSE), Renderer(street())
     numbers = [0, 9, 1, 30]
@@ -189,7 +189,7 @@ def many_lamps() -> Geometry:
 @settings(max_examples=50, deadline=None)
 @given(x=st.floats(-40, 200), yaw=st.floats(-180, 180), step=st.floats(0.0, 0.05))
 def test_no_shadow_pops_when_the_camera_moves(many_lamps: Geometry, x: float, yaw: float, step: float) -> None:
-    """A lamp's strength of shadow changes gradually, and is 0 where it gets or loses its slot."""
+    """The weight of a lamp's shadow changes gradually, and is 0 where the lamp gets or loses its slot."""
     world = world_from_parts(np.zeros((0, 3, 4)))
     found = []
     for at in (x, x + step):
@@ -205,7 +205,7 @@ def test_no_shadow_pops_when_the_camera_moves(many_lamps: Geometry, x: float, ya
 
 
 def test_a_tile_that_meets_many_lamps_drops_none() -> None:
-    """A pole before a long street: with a full list, the tile would have lost the lamps that come last."""
+    """A pole in front of a long street: with a full list, the tile would have lost the last lamps."""
     rows = [Light((1.2 * n, 3.0, 6.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), 60.0, 0.25) for n in range(60)]
     found = []
     for lights in (rows, rows[::-1]):

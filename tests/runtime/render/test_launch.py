@@ -10,7 +10,7 @@ import pytest
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
 
-from tests.sources import modules
+from tests.sources import modules, walk
 
 wp.set_module_options(OPTIONS)
 BASE = "recipe_runtime/render/"
@@ -41,7 +41,7 @@ def test_every_kernel_is_launched_in_one_place() -> None:
     for path, tree in modules("recipe_runtime"):
         if not path.startswith(BASE):
             continue
-        for node in ast.walk(tree):
+        for node in walk(tree):
             if isinstance(node, ast.FunctionDef) and any(ast.unparse(d) == "wp.kernel" for d in node.decorator_list):
                 assert node.name not in kernels, f"two kernels are called {node.name}"
                 kernels.add(node.name)

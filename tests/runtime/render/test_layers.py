@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.sources import imports, modules
+from tests.sources import PACKAGES, imports, parsed
 
-BASE = "recipe_runtime/render/"
 LAYERS = (
     {"device"},
     {"numeric", "scene"},
@@ -19,7 +18,8 @@ LAYERS = (
     {"renderer"},
 )
 LEVEL = {package: level for level, packages in enumerate(LAYERS) for package in packages}
-MODULES = {path[len(BASE) : -3]: tree for path, tree in modules("recipe_runtime") if path.startswith(BASE)}
+FOLDER = PACKAGES["recipe_runtime"] / "render"
+MODULES = {path.relative_to(FOLDER).as_posix()[:-3]: path for path in sorted(FOLDER.rglob("*.py"))}
 
 
 def test_every_package_has_a_layer() -> None:
@@ -29,7 +29,7 @@ def test_every_package_has_a_layer() -> None:
 @pytest.mark.parametrize("module", sorted(set(MODULES) - {"__init__"}))
 def test_no_import_points_up(module: str) -> None:
     own = module.split("/")[0]
-    for name in imports(MODULES[module]):
+    for name in imports(parsed(MODULES[module])):
         head, _, rest = name.partition("recipe_runtime.render.")
         other = rest.split(".")[0]
         if not head and other and other != own:
@@ -38,6 +38,6 @@ def test_no_import_points_up(module: str) -> None:
 
 def test_no_package_imports_its_modules() -> None:
     """To import one module of the renderer loads what it needs, and not all of it."""
-    for module, tree in MODULES.items():
+    for module, path in MODULES.items():
         if module.endswith("__init__"):
-            assert list(imports(tree)) == [], module
+            assert list(imports(parsed(path))) == [], module

@@ -1,4 +1,4 @@
-"""Patches in pictures: they change what shows them and nothing else, and lie where their corners are."""
+"""Patches in pictures: they change only the pixels that show them, and are where their corners are."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def of_colour(colour: str) -> PatchTexture:
 
 
 class Scene:
-    """The street with a plain wall, in front of which stand the tree and the walker."""
+    """Return the street with a plain wall behind the tree and the walker."""
 
     def __init__(self, images: Mapping[str, Pixels] | None = None, **options: object) -> None:
         bodies = street()
@@ -91,7 +91,7 @@ def noise(height: int, width: int, seed: int = 0) -> Pixels:
 
 
 def grown(mask: NDArray[np.bool_], by: int = 1) -> NDArray[np.bool_]:
-    """A mask and the pixels beside it."""
+    """Return a mask dilated by a pixel."""
     wide = np.pad(mask, by)
     h, w = mask.shape
     steps = range(2 * by + 1)
@@ -111,7 +111,7 @@ def test_a_patch_of_the_walls_own_colour_gives_the_walls_bytes(weather: str) -> 
 
 @pytest.mark.parametrize("weather", ["noon", "foggy", "night"])
 def test_another_texture_changes_the_patchs_pixels_and_no_other(weather: str) -> None:
-    """Also where a tree, a pole and a walker stand before it; a pixel at its edge may belong to it in part."""
+    """This includes occlusion by a tree, a pole and a walker; pixels at its edge may show it in part."""
     first, second = noise(24, 32), noise(24, 32, 5)
     images = {file_of(p).sha256: p for p in (first, second)}
     scene = Scene(images)
@@ -127,7 +127,7 @@ def test_another_texture_changes_the_patchs_pixels_and_no_other(weather: str) ->
 
 
 def test_wet_ground_shows_it_and_nothing_else_does() -> None:
-    """In rain a puddle mirrors the patch; no pixel of another surface does."""
+    """In rain, puddles reflect the patch; other surfaces do not."""
     scene = Scene()
     seen = scene.see()
     one, two = (with_patches(WEATHERS["rainy"], patch(of_colour(c))) for c in ("#ffffff", "#000000"))
@@ -137,7 +137,7 @@ def test_wet_ground_shows_it_and_nothing_else_does() -> None:
 
 
 def projected(camera: CameraPlan, pose: NDArray[np.float64], point: tuple[float, float, float]) -> tuple[float, float]:
-    """The pixel of a point, by the textbook's pinhole."""
+    """Return the pixel of a point by the pinhole formula."""
     sine, cosine = exact.sin_cos_deg(camera.fov / 2)
     focal = camera.width / 2 * cosine / sine
     x, y, z = np.linalg.inv(pose[:, :3]) @ (np.array(point) - pose[:, 3])
@@ -147,7 +147,7 @@ def projected(camera: CameraPlan, pose: NDArray[np.float64], point: tuple[float,
 @given(st.floats(-35, 35), st.floats(-3, 2), st.floats(1, 4))
 @settings(max_examples=8, deadline=None)
 def test_a_patch_lies_within_its_corners(yaw: float, y: float, z: float) -> None:
-    """A pixel shows it if its centre lies within the projected quadrilateral, by the closed form."""
+    """A pixel shows it if its centre is inside the projected quadrilateral, by a closed form."""
     camera, pose = (
         CameraPlan(width=96, height=64, fov=80),
         from_pose(Pose(x=0, y=y, z=z, yaw=40 + yaw, pitch=-5, roll=4)),
@@ -166,7 +166,7 @@ def test_a_patch_lies_within_its_corners(yaw: float, y: float, z: float) -> None
 
 
 def test_the_texture_is_upright_and_each_texel_has_its_place() -> None:
-    """Straight ahead, a pixel a texel: what is seen is the image."""
+    """Seen head-on with one texel per pixel, the picture shows the image."""
     image = noise(24, 32)
     camera = CameraPlan(width=32, height=24, fov=90)
     face = FACE.model_copy(update={"corner": (8.0 - 1.6, 4.0, 3.2), "width": 3.2, "height": 2.4})
@@ -181,7 +181,7 @@ def test_the_texture_is_upright_and_each_texel_has_its_place() -> None:
 
 
 def test_it_moves_with_its_part_and_covers_whole_bodies() -> None:
-    """On the car, which comes towards the eye: a rectangle on its front, none on its rear, and the paint whole."""
+    """On a car that approaches the camera: a rectangle on its front, none on its rear, and the entire paint."""
     down = (0.0, 0.0, -1.0)
     front = PatchFace(
         part="body", corner=(2.0, -0.6, 1.2), right=(0.0, 1.0, 0.0), down=down, width=1.2, height=0.8, reach=0.05
@@ -218,7 +218,7 @@ def test_the_later_patch_lies_over_the_earlier_one() -> None:
 
 
 def test_a_sequence_shows_each_frames_image_with_a_camera_at_rest_too() -> None:
-    """What is kept of the frame before must not show in this one."""
+    """Cached data of the previous frame must not affect this one."""
     images = [noise(12, 16, n) for n in range(4)]
     scene = Scene({file_of(p).sha256: p for p in images})
     film = with_patches(WEATHERS["noon"], patch(PatchTexture(frames=tuple(map(file_of, images)))))
@@ -255,7 +255,7 @@ def test_emission_shines_at_night_and_gloss_mirrors_the_sky() -> None:
 
 
 def test_patched_appearances_are_drawn_one_by_one() -> None:
-    """A stream keeps no observation, from which a patch's mask is found."""
+    """A stream does not keep the observation from which a patch's mask is computed."""
     from recipe_compiler.ir.plan import SensorPlan
 
     sensor = SensorPlan(name="street", camera=CAMERA, capture=("rgb",), poses=(Pose(),))
@@ -293,7 +293,7 @@ def test_an_image_that_nobody_reads_is_an_error() -> None:
 @pytest.mark.gpu
 @pytest.mark.parametrize("weather", WEATHERS)
 def test_a_gpu_shows_the_same_bytes(weather: str) -> None:
-    """Of an image on a wall, and of paint on a moving car; the mask too."""
+    """This applies to an image on a wall and to paint on a moving car, and to the mask."""
     image = noise(24, 32)
     images = {file_of(image).sha256: image}
     paint = FACE.model_copy(update={"part": "body", "corner": (2.0, -0.6, 1.2), "right": (0.0, 1.0, 0.0), "reach": 9.0})

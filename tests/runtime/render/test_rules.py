@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from recipe_runtime import render
 
-from tests.sources import imports, modules
+from tests.sources import imports, modules, parsed, walk
 
 FOLDER = Path(render.__file__).parent
 MODULES = sorted(FOLDER.rglob("*.py"))
@@ -29,7 +29,7 @@ FLOATING = {"float32", "float64", "float"}
 
 
 def calls(path: Path) -> list[ast.Call]:
-    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+    return [node for node in walk(parsed(path)) if isinstance(node, ast.Call)]
 
 
 def stable(call: ast.Call) -> bool:
@@ -63,14 +63,14 @@ def test_kernels_use_exact_arithmetic_only(path: Path) -> None:
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
 def test_no_power_operator_and_no_matrix_product(path: Path) -> None:
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in walk(parsed(path)):
         assert not isinstance(node, ast.Pow | ast.MatMult), path.name
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
 def test_atomics_take_whole_numbers_only(path: Path) -> None:
     """Each atomic's target is an array declared with an integer type in the same function."""
-    for function in ast.walk(ast.parse(path.read_text())):
+    for function in walk(parsed(path)):
         if not isinstance(function, ast.FunctionDef):
             continue
         kinds = {a.arg: ast.unparse(a.annotation) for a in function.args.args if a.annotation}
@@ -97,7 +97,7 @@ def test_only_kernels_are_hidden_from_mypy(path: Path) -> None:
     """A module that mypy ignores defines nothing but kernels, their functions and their structs."""
     source = path.read_text()
     if "mypy: ignore-errors" in source:
-        for node in ast.parse(source).body:
+        for node in parsed(path).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 kinds = {ast.unparse(d) for d in node.decorator_list}
                 assert kinds & {"wp.func", "wp.kernel", "wp.struct"}, f"{path.name}: {node.name} runs on the host"

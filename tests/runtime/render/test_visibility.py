@@ -166,3 +166,25 @@ def test_what_is_left_out_as_beyond_the_view_would_not_have_been_seen(
     assert (a.seen.numpy() == 0).any()
     assert a.keys.numpy().tobytes() == b.keys.numpy().tobytes()
     assert a.objects == b.objects
+
+
+LENS = Body("signal", 0, (("red", box([-0.1, -0.1, -0.1], [0.1, 0.1, 0.1], GREY)),), is_signal=True)
+
+
+def test_a_traffic_light_is_not_part_of_an_actors_box() -> None:
+    bodies, ball_at, lens_at = actors(ball(1.0, SHIRT)), from_pose(Pose(x=5.0)), from_pose(Pose(x=6.0, y=4.0, z=3.0))
+    alone = Renderer(bodies).observe(SQUARE, HERE, ball_at[None])
+    together = Renderer([*bodies, LENS]).observe(SQUARE, HERE, np.stack([ball_at, lens_at]))
+    assert (together.semantic != alone.semantic).any()
+    assert together.objects == alone.objects
+
+
+@pytest.mark.parametrize("bodies", [[PLANE], actors(ball(1.0, SHIRT))])
+def test_a_static_camera_sees_a_traffic_light_change(bodies: list[Body]) -> None:
+    kept, fresh = Renderer([*bodies, LENS]), Renderer([*bodies, LENS], reuse=NO_REUSE)
+    still = np.repeat(HERE[None], len(bodies) - 1, axis=0)
+    for y in (4.0, 4.0, -4.0, 0.0, 4.0):
+        parts = np.concatenate([still, from_pose(Pose(x=6.0, y=y, z=3.0))[None]])
+        one, other = kept.observe(SQUARE, HERE, parts), fresh.observe(SQUARE, HERE, parts)
+        np.testing.assert_array_equal(one.semantic, other.semantic)
+        np.testing.assert_array_equal(one.depth, other.depth)

@@ -1,4 +1,4 @@
-"""Exports for Armory and MART, read back by readers that follow the descriptions of their loaders, key by key."""
+"""Exports for Armory and MART, read back by readers that follow the documentation of their loaders, key by key."""
 
 from __future__ import annotations
 
@@ -44,7 +44,11 @@ base:
       capture: [rgb, depth]
     away: {mount: {x: 1.5, y: -6, z: 1.6, yaw: -40}, camera: {width: 96, height: 72, fov: 70}, capture: [rgb]}
 deltas:
-  weather: {clear: {}, foggy: {weather: {fog_density: 50}}}
+  weather:
+    clear: {}
+    foggy:
+      weather: {fog_density: 50}
+      patches: {banner: {on: {actor: car, surface: left, size: {width: 1.5, height: 0.5}}, texture: {color: "#102030"}}}
 """
 
 
@@ -79,7 +83,7 @@ def image(path: Path) -> NDArray[np.uint8]:
 
 
 def detection_examples(dev: Path, kind: str) -> list[dict[str, Any]]:
-    """What Armory's loaders of object detection make of a folder; `kind` is obj_det or over_obj_det."""
+    """Read a folder like Armory's loaders for object detection; `kind` is obj_det or over_obj_det."""
     street = kind == "obj_det"
     out = dev / "_out" if street else dev
     name = "kwcoco_annotations_without_patch_and_sans_tiny_objects.json" if street else "kwcoco_annotations.json"
@@ -224,6 +228,36 @@ def test_what_is_left_out_is_listed(export: Path) -> None:
 def test_equal_datasets_give_equal_exports(dataset: Dataset, export: Path, tmp_path: Path) -> None:
     export_layout(dataset, tmp_path / "again", "armory", quiet)
     assert tree(tmp_path / "again") == tree(export)
+
+
+def test_the_export_is_of_the_patch_that_is_named(dataset: Dataset, export: Path, recipe: Path, tmp_path: Path) -> None:
+    """Armory takes one patch per sample; a variant without the named one is left out."""
+    index = export_layout(dataset, tmp_path / "banner", "armory", quiet, patch="banner")
+    assert index["patch"] == "banner"
+    examples = detection_examples(tmp_path / "banner/carla_over_obj_det/dev", "over_obj_det")
+    assert 0 < len(examples) <= FRAMES
+    with recipe_runtime.open(recipe, variant="weather=foggy") as scene:
+        for example in examples:
+            metadata = scene.patch_metadata(int(Path(example["row"]["file_name"]).stem[-6:]), "banner")
+            assert metadata is not None
+            np.testing.assert_array_equal(example["gs_coords"], metadata["gs_coords"])
+            np.testing.assert_array_equal(example["mask"], metadata["mask"])
+    assert "all,weather=clear,street,all,no patch or no rgb" in (tmp_path / "banner/left_out.csv").read_text()
+    export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="poster")
+    assert without_index(tmp_path / "poster") == without_index(export), "the first patch is the default"
+    with pytest.raises(InputError, match="is another export"):
+        export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="banner")
+
+
+def without_index(folder: Path) -> dict[str, Any]:
+    """The files of an export but its index, which has the name of the patch that was asked for."""
+    return {path: content for path, content in tree(folder).items() if path != "index.json"}
+
+
+def test_a_patch_that_no_picture_has_is_refused_with_the_names(dataset: Dataset, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no picture with a patch 'baner'; it has poster, banner"):
+        export_layout(dataset, tmp_path / "out", "armory", quiet, patch="baner")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:

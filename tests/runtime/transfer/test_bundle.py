@@ -1,4 +1,4 @@
-"""A pack comes back whole, has one byte form, and a hostile one is refused before anything is written."""
+"""A pack round-trips, has a single byte form, and a hostile one is an error before anything is written."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_order_of_files_does_not_matter() -> None:
 
 
 def test_the_form_is_pinned() -> None:
-    """What a paper prints must be the same for ever: another form is another format."""
+    """Identities that a paper prints must never change: another form is another format."""
     assert identity(PACK.dumps()) == "sha256:008f3497e21f09d32a3345723991878cc534ea61ae021830c0831357e4cd203a"
 
 

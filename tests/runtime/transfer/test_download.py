@@ -1,4 +1,4 @@
-"""A dataset read from a URL is what lies there, byte for byte, and a stranger's costs no more than it may."""
+"""A dataset read from a URL has the bytes of the original; an untrusted one costs only bounded resources."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ URL = "memory://fetched/small"
 
 
 def _silent(stage: str, done: int, total: int) -> None:
-    """Progress that nobody watches."""
+    """Report no progress."""
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +198,7 @@ def test_what_does_not_fit_on_the_disk_is_not_fetched(store: dict[str, Any], mon
 
 
 class Endless(io.RawIOBase):
-    """A file that goes on for ever, and counts what was read of it."""
+    """An endless file that counts the bytes read from it."""
 
     read_so_far = 0
 
@@ -212,7 +212,7 @@ class Endless(io.RawIOBase):
 
 
 class Hostile(AbstractFileSystem):  # type: ignore[misc]  # fsspec has no types
-    """A store that gives what it did not announce, and names that lead elsewhere."""
+    """A store that returns other content than it lists, and names that point elsewhere."""
 
     protocol = "hostile"
     cachable = False

@@ -55,11 +55,11 @@ def test_what_is_there_is_not_replaced_unasked(built: Dataset, tmp_path: Path) -
     out = tmp_path / "out"
     out.mkdir()  # an empty folder may be filled
     export_layout(built, out, "mots", quiet)
-    with pytest.raises(InputError, match="is another export"):
+    with pytest.raises(InputError, match="is a different export"):
         export_layout(built, out, "kitti", quiet)
     assert "sequences.csv" in export_layout(built, out, "kitti", quiet, replace=True)["files"]
     (out / "training" / "mine.txt").write_text("a note")
-    with pytest.raises(InputError, match="holds files that are not of an export"):
+    with pytest.raises(InputError, match="has files that do not belong to an export"):
         export_layout(built, out, "mots", quiet, replace=True)
     assert (out / "training" / "mine.txt").read_text() == "a note"
 

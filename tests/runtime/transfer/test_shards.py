@@ -1,4 +1,4 @@
-"""WebDataset shards hold a dataset's own files, read by that library itself, and equal datasets give equal shards."""
+"""WebDataset shards contain a dataset's own files, the library reads them, and equal datasets give equal shards."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:
 
 
 def test_a_name_that_leads_away_is_refused(built: Dataset, tmp_path: Path) -> None:
-    """The recipe's name is part of the shards' names, and a stranger's manifest says it."""
+    """The recipe's name, which is part of the shards' names, comes from an untrusted manifest."""
     copy, victim = tmp_path / "a" / "b" / "copy", tmp_path / "thesis-000000.tar"
     shutil.copytree(built.root, copy)
     victim.write_bytes(b"precious")
@@ -125,7 +125,7 @@ def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: P
     assert met and not list(tmp_path.glob(".out*"))
     (tmp_path / ".other.export").mkdir()
     (tmp_path / ".other.export" / "thesis.tex").write_text("precious")
-    with pytest.raises(InputError, match="is in the way and is not an export's work"):
+    with pytest.raises(InputError, match="is not the work folder of an export"):
         exported(built, tmp_path / "other")
 
 
@@ -137,7 +137,7 @@ def test_a_folder_that_no_export_made_is_not_cleared(built: Dataset, tmp_path: P
     (folder / "backup.tar").write_text("precious")
     if work == "link":
         (tmp_path / ".out.export").symlink_to(folder)
-    with pytest.raises(InputError, match="is in the way and is not an export's work"):
+    with pytest.raises(InputError, match="is not the work folder of an export"):
         exported(built, tmp_path / "out")
     assert (folder / "backup.tar").read_text() == "precious"
 
@@ -181,7 +181,7 @@ def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_pa
     if forgery == "link":
         shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
     elif forgery == "folder":
-        with pytest.raises(InputError, match="holds files that are not of an export"):
+        with pytest.raises(InputError, match="has files that do not belong to an export"):
             shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
         assert (first / "thesis.tex").read_text() == "precious"
     assert precious.read_text() == "precious"

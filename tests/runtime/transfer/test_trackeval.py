@@ -1,4 +1,4 @@
-"""TrackEval reads the layouts of MOTSChallenge and KITTI; a tracker that repeats the truth has perfect scores."""
+"""TrackEval reads the layouts of MOTSChallenge and KITTI; a tracker that outputs the labels has perfect scores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Datasets copied by fsspec: whole or not there, equal to the folder, and no more sent than what is new."""
+"""Datasets copied by fsspec: complete or absent, equal to the folder, and only new files are sent."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_only_what_is_new_is_sent_and_what_is_gone_is_removed(url: str, built: P
 
 @pytest.mark.parametrize("calls", [0, 1, 7, 40])
 def test_a_copy_that_is_stopped_goes_on(url: str, built: Path, calls: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Until it is whole there is no manifest, so nobody takes it for a dataset; what was sent is not sent again."""
+    """There is no manifest until the copy is complete; files that were sent are not sent again."""
     fs, _ = fsspec.core.url_to_fs(url)
     send, count = type(fs).put_file, 0
 
@@ -145,7 +145,7 @@ def test_a_place_that_a_build_made_is_not_written_through_its_links(built: Path,
 
 
 def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: Path) -> None:
-    """A dataset of a stranger with `recipe -> elsewhere` had the build's recipe written there."""
+    """An untrusted dataset with a link `recipe -> elsewhere` must not make a build write there."""
     place, other = tmp_path / "there" / "small", tmp_path / "elsewhere"
     put(f"file://{place}", built)
     manifest = json.loads((place / "manifest.json").read_text())
@@ -162,7 +162,7 @@ def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: P
 
 
 def test_the_journal_follows_no_link_and_waits_for_no_pipe(built: Path, tmp_path: Path) -> None:
-    """The name of the journal can be computed by whoever prepares the folder."""
+    """An attacker who prepares the folder can compute the journal's name."""
     url, root = f"file://{tmp_path}/there/small", tmp_path / "small"
     shutil.copytree(built, root)
     journal, precious = UploadJournal(root, url), tmp_path / "precious"

@@ -1,1 +1,1 @@
-"""CARLA's towns and blueprints, and those of the library that are most like them."""
+"""CARLA's towns and blueprints, and the most similar ones of the library."""

@@ -1,4 +1,4 @@
-"""CARLA's blueprints, as of 0.9.16, and those of the library that are most like them."""
+"""CARLA's blueprints, as of 0.9.16, and the most similar ones of the library."""
 
 from __future__ import annotations
 
@@ -22,46 +22,47 @@ _VEHICLES = {
     "vehicle.motorcycle.*": "harley-davidson.low_rider kawasaki.ninja vespa.zx125 yamaha.yzf",
     "vehicle.bicycle.*": "bh.crossbike diamondback.century gazelle.omafiets",
 }
-_LIKE = {f"vehicle.{name}": ours for ours, names in _VEHICLES.items() for name in names.split()}
+_CLOSEST = {f"vehicle.{name}": glob for glob, names in _VEHICLES.items() for name in names.split()}
 _CHILDREN = (9, 10, 11, 12, 13, 14, 48, 49)  # numbers of CARLA's pedestrians that are children
-_LIKE |= {f"walker.pedestrian.{number:04d}": "" for number in range(1, 53)}
+_CLOSEST |= {f"walker.pedestrian.{number:04d}": "" for number in range(1, 53)}
 
 
-def most_like(name: str, kind: str, seed: int, actor: str) -> tuple[str, str] | None:
-    """The blueprint or glob of the library for a blueprint or glob of CARLA's.
+def closest_match(name: str, kind: str, seed: int, actor: str) -> tuple[str, str] | None:
+    """Return the most similar blueprint or glob of the library.
 
     Args:
         name: CARLA's blueprint or glob.
-        kind: `walker` or `vehicle`, of which the library's are to be.
+        kind: `walker` or `vehicle`.
         seed: the recipe's seed.
-        actor: the actor's name; seed and name choose among several blueprints of CARLA's.
+        actor: the actor's name; seed and name select one of several blueprints that match.
 
     Returns:
-        The library's, and why it differs (empty if it does not); None if CARLA has no such blueprint.
+        The library's blueprint or glob, and the reason if it differs, else an empty text; None if CARLA has no such
+        blueprint.
     """
     number = name.removeprefix("walker.pedestrian.")
     if number != name and number.isdigit():
-        return _person(int(number)), "the library's people are others than CARLA's; this one has the same age"
+        return _person(int(number)), "the library's people differ from CARLA's; this one has the same age"
     if _all_are(name, kind):
         return name, ""
-    matches = sorted(each for each in _LIKE if fnmatchcase(each, name) and each.startswith(f"{kind}."))
+    matches = sorted(each for each in _CLOSEST if fnmatchcase(each, name) and each.startswith(f"{kind}."))
     if not matches:
         return None
     chosen = Stream(seed, "carla", actor, "blueprint").choice(matches)
     several = f", one of {len(matches)} that match, chosen by seed and name" if len(matches) > 1 else ""
     if kind == "walker":
-        return _person(int(chosen.rsplit(".", 1)[1])), f"{chosen}{several}: the library's people are others of that age"
-    return _LIKE[chosen], f"{chosen}{several}: the library's vehicles of that kind"
+        return _person(int(chosen.rsplit(".", 1)[1])), f"{chosen}{several}: another person of that age in the library"
+    return _CLOSEST[chosen], f"{chosen}{several}: vehicles of that kind in the library"
 
 
 def _all_are(glob: str, kind: str) -> bool:
-    """Whether a glob matches blueprints of the library, all of them of a kind."""
+    """Return whether a glob matches blueprints of the library, all of them of a kind."""
     found = blueprints.match(glob)
     return bool(found) and all(each.id.startswith(f"{kind}.") for each in found)
 
 
 def _person(number: int) -> str:
-    """The person of the library for a number of CARLA's: of the same age, and of the same number if there is one."""
+    """Return a pedestrian of the library for CARLA's number: of the same age and, if possible, the same number."""
     age, name = "child" if number in _CHILDREN else "adult", f"walker.pedestrian.{number:04d}"
     alike = [each.id for each in blueprints.match("walker.pedestrian.*") if each.attributes["generation"] == age]
     return name if name in alike else alike[number % len(alike)]

@@ -1,10 +1,10 @@
-"""CARLA's towns and those of the library that are most like them."""
+"""CARLA's towns and the most similar ones of the library."""
 
 from __future__ import annotations
 
 import re
 
-_LIKE = {
+_CLOSEST = {
     "town01": ("suburb", "a small town with T-junctions"),
     "town02": ("suburb", "a small residential town"),
     "town03": ("downtown", "a large town with a roundabout and a tunnel"),
@@ -21,16 +21,16 @@ _LIKE = {
 }
 
 DEFAULT = "Town10HD"
-"""The town that CARLA's server loads by itself, and OSCAR's."""
+"""The town that CARLA's server loads by default; also OSCAR's default."""
 
 NAMES = ("Town01 to Town07", "Town10HD", "Town11", "Town12", "Town13", "Town15")
 
 
-def most_like(town: str) -> tuple[str, str] | None:
-    """The town of the library that is most like one of CARLA's, and a description of CARLA's; None if it is unknown.
+def closest_match(town: str) -> tuple[str, str] | None:
+    """Return the most similar town of the library and a description of CARLA's town; None if that is unknown.
 
     Args:
-        town: its name, with or without the path and the ending `_Opt`.
+        town: the name of CARLA's town, with or without the path and the suffix `_Opt`.
     """
     name = re.sub(r"_opt\Z", "", town.strip().rsplit("/", 1)[-1].lower())
-    return _LIKE.get(name)
+    return _CLOSEST.get(name)

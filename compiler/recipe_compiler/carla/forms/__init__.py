@@ -1,1 +1,1 @@
-"""The two forms of configurations, read into one description of what is spawned."""
+"""Readers of the two forms of configurations; both return the entries to spawn as `specs.Spec`."""

@@ -1,4 +1,4 @@
-"""The entries of `spawn_actors` in the form of CARLA's data collector (pull request 4992)."""
+"""Reads `spawn_actors` in the form of CARLA's data collector (pull request 4992)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read(reader: Reader, root: Node) -> list[Spec]:
     return specs
 
 
-def _read(reader: Reader, node: Node, parent: Spec | None, specs: list[Spec]) -> None:
+def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec]) -> None:
     if reader.map(node) is None:
         return
     blueprint = reader.map(node.get("blueprint"))
@@ -44,21 +44,21 @@ def _read(reader: Reader, node: Node, parent: Spec | None, specs: list[Spec]) ->
     name = reader.text(name_node)
     if name is None:
         if name_node is None and (blueprint is not None or node.get("blueprint") is None):
-            reader.refuse(node, "it has no blueprint name", _MISSING, Code.MISSING_KEY)
+            reader.reject(node, "it has no blueprint name", _MISSING, Code.MISSING_KEY)
         return
     kind = kind_of(name)
     if kind is None or name_node is None or blueprint is None:
         assert name_node is not None
         ignore(reader, node, name_node, name)
         return
-    spec = _spec(reader, node, kind, name, name_node, blueprint, parent)
+    spec = _spec(reader, node, kind, name, name_node, blueprint, container)
     specs.append(spec)
     for child in reader.items(node.get("sensors")):
         _read(reader, child, spec, specs)
 
 
 def _spec(
-    reader: Reader, node: Node, kind: Kind, name: str, name_node: Node, blueprint: Node, parent: Spec | None
+    reader: Reader, node: Node, kind: Kind, name: str, name_node: Node, blueprint: Node, container: Spec | None
 ) -> Spec:
     for child in (*node.children(), *blueprint.children()):
         known = _KEYS if len(child.path) == len(node.path) + 1 else {"name", "attr", "speed"}
@@ -80,14 +80,14 @@ def _spec(
         speed=blueprint.get("speed"),
         jitter=None if motion is None else reader.map(motion.get("jitter_magnitude")),
         role=node.get("attach_to"),
-        parent=parent,
+        container=container,
         attachment=node.get("attachment"),
         modalities=((CAMERAS[name], name_node),) if kind == "sensor" else (),
     )
 
 
 def kind_of(name: str) -> Kind | None:
-    """What a blueprint or glob is; None if the recipe language has nothing like it."""
+    """Return the kind of a blueprint or glob; None if the recipe language has no such kind."""
     if name in CAMERAS:
         return "sensor"
     family = name.split(".", 1)[0]
@@ -97,14 +97,14 @@ def kind_of(name: str) -> Kind | None:
 
 
 def ignore(reader: Reader, node: Node, name_node: Node, name: str) -> None:
-    """Note that nothing follows from an entry, or refuse it if its blueprint cannot be known."""
+    """Record that an entry is ignored, or report a problem if CARLA cannot have its blueprint."""
     family = name.split(".", 1)[0]
     if family not in ("sensor", "static", "controller", "spectator", "traffic", "util"):
         remedy = "write walker.*, vehicle.* or the name of a sensor, such as sensor.camera.rgb"
-        reader.refuse(name_node, f"{show(name)} is no blueprint of CARLA's", remedy, Code.UNKNOWN_NAME)
+        reader.reject(name_node, f"{show(name)} is not a blueprint of CARLA's", remedy, Code.UNKNOWN_NAME)
         return
     if family == "sensor":
-        why = f"recipes have no {show(name)}, but the cameras {', '.join(sorted(MODALITIES))}"
+        why = f"recipes do not have {show(name)}; they have the cameras {', '.join(sorted(MODALITIES))}"
     else:
         why = f"recipes have nothing like {show(name)}"
     reader.ledger.ignored(node, why)

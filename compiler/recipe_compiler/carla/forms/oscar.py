@@ -1,4 +1,4 @@
-"""The actors of a configuration in OSCAR's form: objects with a `_target_`, in `actors` or in `spawn_actors`."""
+"""Reads the actors of a configuration in OSCAR's form: maps with a `_target_`, in `actors` or in `spawn_actors`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,20 @@ _KINDS: Mapping[str, Kind] = {
     "Camera": "sensor",
     "Sensor": "sensor",
 }
-_OWN = {"_target_", "_recursive_", "_convert_", "_partial_", "transform", "attachments", "name", "modalities"}
+_NOT_ATTRIBUTES = {
+    "_target_",
+    "_recursive_",
+    "_convert_",
+    "_partial_",
+    "transform",
+    "attachments",
+    "name",
+    "modalities",
+}
 
 
 def read(reader: Reader, root: Node) -> list[Spec]:
-    """Read the actors, those attached to others after them."""
+    """Read the actors; entries that are attached to another follow it."""
     actors, listed = root.get("actors"), root.get("spawn_actors")
     if listed is not None and isinstance(listed.value.data, str) and listed.value.data.startswith("${oc.dict.values:"):
         reader.ledger.mapped(listed, "", "the values of actors", "a reference, resolved")
@@ -40,20 +49,20 @@ def read(reader: Reader, root: Node) -> list[Spec]:
 
 
 def class_of(node: Node, key: str = "_target_") -> str:
-    """The last part of the name of a class; empty if there is none."""
+    """Return the class name without its module; empty if there is none."""
     child = node.get(key)
     name = None if child is None else child.value.data
     return name.rsplit(".", 1)[-1] if isinstance(name, str) else ""
 
 
-def _read(reader: Reader, node: Node, parent: Spec | None, specs: list[Spec], name: str) -> None:
+def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec], name: str) -> None:
     if reader.map(node) is None:
         return
     kind = class_of(node)
     if kind not in _CLASSES:
         remedy = f"write one of {', '.join((*_CLASSES, *_CONTROLLERS))}"
-        reader.refuse(
-            node.get("_target_") or node, f"{show(kind)} is no class of OSCAR's actors", remedy, Code.UNKNOWN_NAME
+        reader.reject(
+            node.get("_target_") or node, f"{show(kind)} is not a class of OSCAR's actors", remedy, Code.UNKNOWN_NAME
         )
         return
     modalities = _modalities(reader, node, kind)
@@ -64,10 +73,10 @@ def _read(reader: Reader, node: Node, parent: Spec | None, specs: list[Spec], na
         kind=_KINDS[kind],
         blueprint=_blueprint(reader, node, kind),
         name_node=node.get("name") if kind in ("Walker", "Vehicle") else None,
-        attributes={str(c.path[-1]): c for c in node.children() if c.path[-1] not in _OWN},
+        attributes={str(c.path[-1]): c for c in node.children() if c.path[-1] not in _NOT_ATTRIBUTES},
         wanted_name=name,
         transform=read_transform(reader, node.get("transform"), ranges=True),
-        parent=parent,
+        container=container,
         modalities=modalities,
         stands=kind in ("Walker", "Vehicle"),
     )
@@ -88,12 +97,12 @@ def _blueprint(reader: Reader, node: Node, kind: str) -> str:
 
 
 def _modalities(reader: Reader, node: Node, kind: str) -> tuple[tuple[str, Node], ...]:
-    """The modalities of a camera or a sensor, each with the value that names it."""
+    """Return the modalities of a camera or a sensor, each with the value that names it."""
     if kind == "Sensor":
         name_node = node.get("name")
         name = reader.text(name_node)
         if name is None or name_node is None:
-            reader.refuse(node, "the sensor has no name", "write a name, such as name: camera.rgb", Code.MISSING_KEY)
+            reader.reject(node, "the sensor has no name", "write a name, such as name: camera.rgb", Code.MISSING_KEY)
             return ()
         modality = collector.CAMERAS.get(f"sensor.{name}")
         if modality is None:
@@ -108,7 +117,7 @@ def _modalities(reader: Reader, node: Node, kind: str) -> tuple[tuple[str, Node]
             continue
         modality = collector.MODALITIES.get(name)
         if modality is None:
-            reader.ledger.ignored(child, f"recipes have no {show(name)} camera")
+            reader.ledger.ignored(child, f"recipes do not have a {show(name)} camera")
         elif modality in found:
             reader.ledger.ignored(child, "listed twice")
         else:
@@ -135,4 +144,4 @@ def _control(reader: Reader, node: Node, spec: Spec) -> None:
     elif kind == "SensorController":
         spec.goal, spec.route = transform, reader.map(node.get("motion_params")) or node
     elif transform is not None:
-        reader.ledger.ignored(node, "a VehicleController follows the traffic: it reads no goal")
+        reader.ledger.ignored(node, "a VehicleController follows the traffic: it has no goal")

@@ -1,4 +1,4 @@
-"""What a configuration spawns, in the one form in which the import continues, whatever the form of the file."""
+"""The entries that a configuration spawns, in a common form for both forms of configurations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LIMIT = 1e5  # metres, degrees
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a transform, or the range from which it is drawn; `node` is None for a default."""
+    """A number of a transform, or the range from which it is drawn; `node` is None if it is not given."""
 
     low: float = 0.0
     high: float = 0.0
@@ -38,30 +38,30 @@ class Transform:
 
     @property
     def pose(self) -> Pose:
-        """The pose in the right-handed frame; of ranges, their middles."""
-        return Pose(**{axis: number.middle for axis, number in self.numbers.items()}).of_carla()
+        """The pose in the right-handed frame, with the middles of ranges."""
+        return Pose(**{axis: number.middle for axis, number in self.numbers.items()}).to_right_handed()
 
 
 @dataclass
 class Spec:
-    """One entry of what is spawned.
+    """One entry that is spawned.
 
     Args:
         node: its map in the configuration.
-        kind: what it is.
+        kind: its kind.
         blueprint: its blueprint or glob, with the kind, such as `walker.pedestrian.*`.
         name_node: the value that names the blueprint; None if it follows from the class.
         attributes: attributes of the blueprint by name.
-        wanted_name: the name in the recipe, as far as it can be used.
-        transform: its transform; None: a random spawn point, or at its parent.
-        goal: where it goes; None: a random goal, or that it stays.
-        speed: the speed in the configuration's own unit.
-        jitter: a map of the largest offsets along x, y and z.
-        role: the role name of the actor that it is attached to.
-        parent: the entry that contains it.
+        wanted_name: the name in the recipe, if it is valid and free.
+        transform: its transform; None: a random spawn point, or the pose of its container.
+        goal: its destination; None: a random one, or none.
+        speed: its speed: m/s of walkers, metres per frame of the collector's sensors.
+        jitter: a map of the maximum offsets along x, y and z, metres.
+        role: the value of `attach_to`, a role name.
+        container: the entry that contains it.
         attachment: how it is attached: `rigid` or `spring_arm`.
         modalities: of a sensor, its modalities, each with the value that names it.
-        stands: whether it never moves.
+        stands: whether it does not move.
         route: of a sensor, the map with the parameters of its route along the road.
     """
 
@@ -76,7 +76,7 @@ class Spec:
     speed: Node | None = None
     jitter: Node | None = None
     role: Node | None = None
-    parent: Spec | None = None
+    container: Spec | None = None
     attachment: Node | None = None
     modalities: tuple[tuple[str, Node], ...] = ()
     stands: bool = False
@@ -120,7 +120,7 @@ def _number(reader: Reader, node: Node | None, *, ranges: bool) -> Number:
 
 
 def unread_classes(node: Node) -> Iterator[Node]:
-    """The class names `_target_` and Hydra's switches such as `_recursive_`, wherever they are below a value."""
+    """Yield the class names `_target_` and Hydra's keys such as `_recursive_` below a value."""
     for leaf in node.leaves():
         step = leaf.path[-1] if leaf.path else ""
         if isinstance(step, str) and step.startswith("_") and step.endswith("_") and step != "_actor_":

@@ -1,7 +1,7 @@
-"""Solid things as rectangles on the ground: what nobody can walk or stand in.
+"""Obstacles on the ground as rotated rectangles.
 
-The planner of walking routes, the checks of starts and goals, and the pedestrians of the simulation use this one model.
-All lengths are in metres, in the world frame.
+Path planning, the checks of starts and goals, and the simulation of pedestrians share this model. All lengths are in
+metres, in the world frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FRONTED = frozenset({"building", "house", "wall"})  # elements with the origin i
 # Elements with the origin in their middle. A billboard's panel is above head height, so it is not solid.
 FURNITURE = frozenset({"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain", "guardrail", "hedge"})
 FURNITURE |= {"hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
-STEP_OVER, HEADROOM = 0.25, 1.9  # heights that anybody steps over, and walks under
+STEP_OVER, HEADROOM = 0.25, 1.9  # heights below which people step over, and above which they walk under, an object
 _BARK = 1.1  # half the side of a tree's square, as a multiple of its trunk's radius
 _CELL, _REACH = 4.0, 0.6  # edge length of a cell of the index; the greatest margin of a query
 _MAX_CELLS = 4096  # of one obstacle in the index
@@ -43,7 +43,7 @@ class Obstacle:
 
     @classmethod
     def of_element(cls, element: Element) -> Obstacle | None:
-        """Return the ground plan of a town's element; None if it is not solid."""
+        """Return the footprint of a town's element; None if it is not solid."""
         kind = element.kind
         depth, width = element.size[0] / 2, element.size[1] / 2
         if kind == "tree":
@@ -55,7 +55,7 @@ class Obstacle:
 
     @classmethod
     def of_prop(cls, prop: PropPlan, ground: float) -> Obstacle | None:
-        """Return the ground plan of a prop; None if one steps over it or walks under it.
+        """Return the footprint of a prop; None if people step over it or walk under it.
 
         Args:
             prop: the prop.
@@ -77,7 +77,7 @@ class Obstacle:
 
     @classmethod
     def of_vehicle(cls, actor: ActorPlan) -> Obstacle:
-        """Return the ground plan of a vehicle at its start."""
+        """Return the footprint of a vehicle at its start."""
         return cls._placed(
             actor.name, "vehicle", actor.start, (0.0, 0.0), (actor.shape["length"] / 2, actor.shape["width"] / 2)
         )
@@ -130,7 +130,7 @@ class Obstacle:
 
 
 class ObstacleMap:
-    """Obstacles, found by a grid of square cells. All results are in the order in which obstacles were added."""
+    """Obstacles in a uniform grid. All results are in the order in which obstacles were added."""
 
     def __init__(self, obstacles: Iterable[Obstacle], reach: float = _REACH, cell: float = _CELL) -> None:
         """Build the index.
@@ -203,7 +203,7 @@ class ObstacleMap:
         return [found[n] for n in sorted(found) if found[n].meets(segment, margin)]
 
     def cells_along(self, segment: Segment) -> float:
-        """Return about how many cells `across` looks at."""
+        """Return approximately how many cells `across` visits."""
         x0, y0, x1, y1 = segment
         (west, east), (south, north) = self._extent
         return min(abs(x1 - x0) / self._cell, east - west) + min(abs(y1 - y0) / self._cell, north - south)
@@ -212,7 +212,7 @@ class ObstacleMap:
         return math.floor(metres / self._cell)
 
     def _along(self, segment: Segment) -> Iterator[tuple[int, int]]:
-        """Yield the cells that a segment crosses; near their corners one may be missing, for which the reach allows."""
+        """Yield the cells that a segment crosses; one may be missing near a corner, for which the reach compensates."""
         x0, y0, x1, y1 = segment
         if x0 > x1:
             x0, y0, x1, y1 = x1, y1, x0, y0

@@ -1,8 +1,8 @@
-"""Patches: textures that an appearance lays on surfaces, as decals.
+"""The plan of patches: textures that an appearance applies to surfaces as decals.
 
-A patch is a rectangle on a flat surface, or it covers a body whole: then its faces project the texture onto the body's
-parts from the sides of a box, and every triangle takes the face that it is turned to. Everything is resolved: where
-each face lies, and the digests of the images.
+A patch is a rectangle on a flat surface, or it covers an entire body (`whole`): then its faces project the texture onto
+the body's parts from the sides of boxes, and each triangle takes the face that it faces most. Positions of faces and
+digests of images are resolved.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PatchMode = Literal["green", "rendered", "digital", "color_transfer"]
 TransferMethod = Literal["dapricot", "matrix", "armory", "reap"]
 INSERTED: tuple[PatchMode, ...] = ("digital", "color_transfer")  # modes that insert the texture into the picture
 GREEN = "#00903a"  # the placeholder colour
-STATIC = "static"  # the part of a body that does not move; its frame is the world's
+STATIC = "static"  # the part of a static body; its frame is world space
 MAX_PATCHES, MAX_FACES, MAX_PATCH_SLOTS = 64, 64, 64
 MAX_EMISSION = 100_000.0  # cd/m2
 
@@ -25,9 +25,9 @@ Vector = tuple[Metres, Metres, Metres]
 
 
 class PatchFace(Plan):
-    """A rectangle in the frame of a part of a body. u goes along `right`, v along `down`, from 0 to 1 each.
+    """A rectangle in the frame of a part of a body, metres. u is along `right`, v along `down`, from 0 to 1 each.
 
-    The side that shows the texture, upright and not mirrored, is the one that `down` x `right` points away from.
+    Seen from the side of its normal, `down` x `right`, the texture is upright and not mirrored.
     """
 
     part: Name  # STATIC, or a part of an actor
@@ -37,7 +37,7 @@ class PatchFace(Plan):
     width: Annotated[Number, Field(gt=0, le=1000)]  # metres
     height: Annotated[Number, Field(gt=0, le=1000)]
     region: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)  # of the texture: left, top, right, bottom
-    reach: Annotated[Number, Field(gt=0, le=1000)]  # points farther from the rectangle's plane, metres, are not covered
+    reach: Annotated[Number, Field(gt=0, le=1000)]  # metres; points farther from the rectangle's plane are not covered
 
     @property
     def normal(self) -> tuple[float, float, float]:
@@ -48,8 +48,8 @@ class PatchFace(Plan):
     @property
     def corners(self) -> tuple[tuple[float, float, float], ...]:
         """Top left, top right, bottom right, bottom left: clockwise seen from the front."""
-        places = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
-        return tuple(self._at(u * self.width, v * self.height) for u, v in places)
+        uv = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+        return tuple(self._at(u * self.width, v * self.height) for u, v in uv)
 
     def _at(self, across: float, along: float) -> tuple[float, float, float]:
         x, y, z = (self.corner[axis] + across * self.right[axis] + along * self.down[axis] for axis in range(3))
@@ -57,7 +57,7 @@ class PatchFace(Plan):
 
 
 class PatchTexture(Plan):
-    """What a patch shows: an image, a sequence of images, one a frame, or a colour."""
+    """The texture of a patch: an image, a sequence with an image for each frame, or a colour."""
 
     image: FilePlan | None = None
     frames: Annotated[tuple[FilePlan, ...], Field(max_length=MAX_FRAMES)] = ()
@@ -77,10 +77,10 @@ class PatchPlan(Plan):
     """A texture on the surface of a body. Without gloss and emission it is opaque matt paper."""
 
     name: Name
-    body: Name  # a town's element, an actor or a prop
-    slots: Annotated[tuple[Slot, ...], Field(max_length=MAX_PATCH_SLOTS)] = ()  # of the body; none: all of them
+    body: Name  # an element of the town, an actor or a prop
+    slots: Annotated[tuple[Slot, ...], Field(max_length=MAX_PATCH_SLOTS)] = ()  # of the body; empty: all slots
     faces: Annotated[tuple[PatchFace, ...], Field(min_length=1, max_length=MAX_FACES)]
-    whole: bool = False  # covers its slots whole, by the faces' projections; else one face, a rectangle
+    whole: bool = False  # covers its slots entirely by projection; otherwise it has one face, a rectangle
     mode: PatchMode = "rendered"
     transfer: TransferMethod | None = None  # of the colour transform, in mode color_transfer
     texture: PatchTexture
@@ -90,7 +90,7 @@ class PatchPlan(Plan):
     @model_validator(mode="after")
     def _insertion(self) -> PatchPlan:
         if self.mode in INSERTED and self.whole:
-            raise ValueError("a texture that covers a body whole cannot be inserted into the picture")
+            raise ValueError("a texture that covers an entire body cannot be inserted into the picture")
         if (self.mode == "color_transfer") != (self.transfer is not None):
             raise ValueError("the mode color_transfer has a transfer method, and no other mode has")
         return self
@@ -107,7 +107,7 @@ class PatchPlan(Plan):
 
     @property
     def changes(self) -> bool:
-        """Whether it shows another image in each frame."""
+        """Whether its image changes from frame to frame."""
         return bool(self.shown.frames)
 
 

@@ -1,4 +1,4 @@
-"""What can carry a patch, and where it is: surfaces of towns, of props and of actors."""
+"""Surfaces of towns, props and actors to which patches can be applied."""
 
 from recipe_compiler.library.surfaces.actors import actor_surfaces
 from recipe_compiler.library.surfaces.elements import KINDS, element_surfaces, prop_surfaces, town_surfaces

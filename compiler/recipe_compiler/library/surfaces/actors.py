@@ -1,7 +1,7 @@
 """Surfaces of actors, by the shape of their blueprint (a test compares them with the meshes).
 
-Texture maps are projected from boxes about the parts at rest. A vehicle's paint has one for its body, whose sides can
-also carry rectangles; a person's shirt has one for the torso, the tails of a coat and the sleeves.
+Texture maps are projected from boxes around the parts at rest. A vehicle has one texture map for its paint, and a
+rectangle on each side of its body. A person has one texture map for the torso, the tails of a coat and the sleeves.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _REACH = 0.35  # metres from a rectangle's plane within which a body shows a pat
 
 
 def actor_surfaces(actor: ActorPlan) -> Iterator[Surface]:
-    """The surfaces of an actor, the one that is covered whole first."""
+    """Yield the surfaces of an actor, texture maps first."""
     shape = actor.shape
     if actor.category == "pedestrian":
         yield from _person(actor.name, shape, shape["height"])
@@ -43,7 +43,7 @@ def _vehicle(name: str, shape: Mapping[str, float]) -> Iterator[Surface]:
 
 
 def _person(name: str, shape: Mapping[str, float], h: float) -> Iterator[Surface]:
-    """The shirt or coat of a person `h` metres tall."""
+    """Yield the surfaces of the shirt or coat of a person `h` metres tall."""
     girth, wide = max(shape["girth"], 1.0), max(shape["shoulder"], shape["girth"], 1.0)
     torso = (-0.09 * h * girth, -0.125 * h * wide, -0.055 * h), (0.09 * h * girth, 0.125 * h * wide, 0.3 * h)
     rows = [sides("torso", *torso, (*_ROUND, "top"))]
@@ -62,7 +62,7 @@ def _person(name: str, shape: Mapping[str, float], h: float) -> Iterator[Surface
 
 
 def _rectangle(body: str, name: str, side: BoxSide, slots: tuple[str, ...], middle: bool = False) -> FlatSurface:
-    """The rectangle of a box's side. z is counted from the part's origin, or from its own middle if it lies flat."""
+    """Return the rectangle of a box's side; its z is 0 at the part's origin, or at its middle if it is level."""
     face = side.face((0.0, 0.0, 1.0, 1.0))
     flat = middle or side.side == "top"
     half = face.width / 2

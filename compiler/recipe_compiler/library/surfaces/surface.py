@@ -1,4 +1,4 @@
-"""Surfaces that can carry a patch: flat rectangles, and bodies that are covered whole."""
+"""Surfaces to which a patch can be applied: flat rectangles, and texture maps that cover entire bodies."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from recipe_compiler.ir.patches import PatchFace
 Vec = tuple[float, float, float]
 Range = tuple[float, float]
 
-_GAP = 0.02  # between the islands of a texture map, of its width
-_AXES: dict[str, tuple[Vec, Vec]] = {  # side of a box -> the directions of u and v, seen from outside
+_GAP = 0.02  # gap between the islands of a texture map, relative to the width of its widest row
+_AXES: dict[str, tuple[Vec, Vec]] = {  # directions of u and v, seen from outside, by side of a box
     "front": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
     "rear": ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
     "left": ((-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
@@ -22,18 +22,18 @@ _AXES: dict[str, tuple[Vec, Vec]] = {  # side of a box -> the directions of u an
 
 @dataclass(frozen=True)
 class FlatSurface:
-    """A rectangle on a body. x goes to the right and z up, seen from its front, from `origin`; metres."""
+    """A rectangle on a body. Seen from its front, x is to the right and z up from `origin`, metres."""
 
     name: str
     body: str
     part: str
-    slots: tuple[str, ...]  # of the body that show a patch; none: all
+    slots: tuple[str, ...]  # slots of the body that show a patch; empty: all
     origin: Vec  # in the part's frame
     right: Vec  # unit
     down: Vec  # unit
     x: Range
     z: Range
-    reach: float  # of a patch, see `PatchFace`
+    reach: float  # metres, see `PatchFace`
 
     @property
     def size(self) -> tuple[float, float]:
@@ -46,11 +46,11 @@ class FlatSurface:
         return (self.x[0] + self.x[1]) / 2, (self.z[0] + self.z[1]) / 2
 
     def room(self, x: float, z: float) -> tuple[float, float]:
-        """Width and height of the largest patch that fits around a point; 0 or less if the point is beside it."""
+        """Return width and height of the largest patch centred on a point; 0 or less if the point is outside."""
         return 2 * min(x - self.x[0], self.x[1] - x), 2 * min(z - self.z[0], self.z[1] - z)
 
     def face(self, x: float, z: float, width: float, height: float) -> PatchFace:
-        """The face of a patch with its middle at a point."""
+        """Return the face of a patch that is centred on a point."""
         across, along = x - width / 2, -(z + height / 2)
         a, b, c = (self.origin[n] + across * self.right[n] + along * self.down[n] for n in range(3))
         return PatchFace(
@@ -66,13 +66,13 @@ class FlatSurface:
 
 @dataclass(frozen=True)
 class WholeSurface:
-    """Slots of a body that are covered whole by a texture map: islands, each projected from one side of a box."""
+    """A texture map that covers slots of a body entirely: islands, each projected from one side of a box."""
 
     name: str
     body: str
     slots: tuple[str, ...]
     islands: tuple[tuple[str, PatchFace], ...]  # each with its name
-    aspect: float  # width of the map by its height, for texels that are square on the body
+    aspect: float  # width / height of the map at which texels are square on the body
 
 
 Surface = FlatSurface | WholeSurface
@@ -80,7 +80,7 @@ Surface = FlatSurface | WholeSurface
 
 @dataclass(frozen=True)
 class BoxSide:
-    """A side of a box about a part of a body, in the part's frame."""
+    """A side of a box around a part of a body, in the part's frame."""
 
     name: str
     part: str
@@ -107,7 +107,7 @@ class BoxSide:
         }[self.side]
 
     def face(self, region: tuple[float, float, float, float]) -> PatchFace:
-        """The face that projects a region of a texture from this side onto all that is turned to it."""
+        """Return the face that projects a region of a texture from this side of the box onto the part."""
         right, down = _AXES[self.side]
         width, height = self.size
         depth = max(b - a for a, b in zip(self.low, self.high, strict=True))
@@ -124,7 +124,7 @@ class BoxSide:
 
 
 def texture_map(name: str, body: str, slots: tuple[str, ...], rows: Sequence[Sequence[BoxSide]]) -> WholeSurface:
-    """Lay out the sides of boxes in rows, all in one scale, with gaps between them."""
+    """Lay out the sides of boxes in rows, at a common scale, with gaps between them."""
     widths = [sum(side.size[0] for side in row) for row in rows]
     heights = [max(side.size[1] for side in row) for row in rows]
     gap = _GAP * max(widths)
@@ -144,5 +144,5 @@ def texture_map(name: str, body: str, slots: tuple[str, ...], rows: Sequence[Seq
 
 
 def sides(part: str, low: Vec, high: Vec, names: Iterable[str], prefix: str = "") -> list[BoxSide]:
-    """Sides of one box."""
+    """Return the named sides of a box with corners `low` and `high` in a part's frame."""
     return [BoxSide(f"{prefix}{side}", part, side, low, high) for side in names]

@@ -33,7 +33,7 @@ PARAMETERS: dict[str, Parameter] = {
 
 @dataclass(frozen=True)
 class Motorway:
-    """Two carriageways along y and a footpath beside them."""
+    """Two carriageways along y, and a footpath next to them."""
 
     lanes: int  # per direction
     half: float  # half the length over which traffic may start, metres

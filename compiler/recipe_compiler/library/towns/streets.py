@@ -179,7 +179,7 @@ class StreetGrid:
         return until((start.x, start.y), way.points, length_m)
 
     def entry(self, start: Pose) -> Pose | None:
-        """None: nobody leaves a street grid."""
+        """None: vehicles do not leave a street grid."""
         return None
 
     def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:

@@ -74,7 +74,7 @@ class Ways(Protocol):
         """Generate a pedestrian's route."""
 
     def entry(self, start: Pose) -> Pose | None:
-        """Where a vehicle that starts here enters again after it has left; None on roads that nobody leaves."""
+        """Where a vehicle that starts here enters again after it has left; None on roads without through traffic."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Town:
 
     @cached_property
     def obstacles(self) -> ObstacleMap:
-        """What nobody can walk through."""
+        """Obstacles for pedestrians."""
         return ObstacleMap.of(self.plan)
 
     @cached_property

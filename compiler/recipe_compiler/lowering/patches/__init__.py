@@ -1,1 +1,1 @@
-"""Lowers patches to plans, and finds the files of their textures."""
+"""Lowers patches to plans and finds their texture files."""

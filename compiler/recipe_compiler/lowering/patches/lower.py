@@ -1,4 +1,4 @@
-"""Lowers patches: finds each one's surface, and resolves its place and its texture."""
+"""Lowers patches: resolves surface, position and texture of each."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LoweredPatches:
 
 
 def board_key(patches: Mapping[str, Patch]) -> tuple[tuple[str, str], ...]:
-    """What of patches is part of the scene: names, poses and sizes of free-standing boards."""
+    """Return the part of patches that belongs to the scene: names, poses and sizes of free-standing boards."""
     return tuple((name, patch.on.model_dump_json()) for name, patch in patches.items() if patch.on.board is not None)
 
 
@@ -88,32 +88,32 @@ def lower(
 
 
 def _surface(name: str, on: Carrier, base: Value, scene: ScenePlan, problems: list[Problem]) -> Surface | None:
-    """The surface that carries a patch; None, with a problem, if there is none of that name."""
+    """Return the surface that a patch is on; None, with a problem, if there is no surface of that name."""
     if on.board is not None:
         board = next(prop for prop in scene.props if prop.name == BOARD_PREFIX + name)
         return next(iter(surfaces.prop_surfaces(board)))
     key, given = next((key, value) for key in ("town", "actor", "prop") if (value := getattr(on, key)) is not None)
     place = base.place_of("patches", name, "on", key)
-    known = dict(_carriers(key, scene))
-    there = list(known[given]) if given in known else []
-    if not there:
+    known = dict(_bodies(key, scene))
+    candidates = list(known[given]) if given in known else []
+    if not candidates:
         names = [name for name, body in known.items() if next(body, None) is not None]
         what = {"town": "an element of the town with a surface", "actor": "an actor", "prop": "a prop"}[key]
         message = f"patches.{name}.on.{key}: {show(given)} is not {what}"
         problems.append(Problem(message, place, nearest(given, names), Code.UNKNOWN_NAME))
         return None
     if on.surface is None:
-        return there[0]
-    found = next((surface for surface in there if surface.name == on.surface), None)
+        return candidates[0]
+    found = next((surface for surface in candidates if surface.name == on.surface), None)
     if found is None:
         message = f"patches.{name}.on.surface: {given} has no surface {show(on.surface)}"
-        remedy = nearest(on.surface, [surface.name for surface in there])
+        remedy = nearest(on.surface, [surface.name for surface in candidates])
         problems.append(Problem(message, base.place_of("patches", name, "on", "surface"), remedy, Code.UNKNOWN_NAME))
     return found
 
 
-def _carriers(key: str, scene: ScenePlan) -> Iterator[tuple[str, Iterator[Surface]]]:
-    """All bodies of a kind that have surfaces, by the name that a recipe gives them."""
+def _bodies(key: str, scene: ScenePlan) -> Iterator[tuple[str, Iterator[Surface]]]:
+    """Yield the bodies of a kind by their names in a recipe, with their surfaces."""
     if key == "town":
         kinds = surfaces.KINDS
         yield from ((e.name, surfaces.element_surfaces(e)) for e in scene.town.elements if e.kind in kinds)
@@ -127,18 +127,18 @@ def _carriers(key: str, scene: ScenePlan) -> Iterator[tuple[str, Iterator[Surfac
 def _faces(
     name: str, patch: Patch, surface: Surface, base: Value, problems: list[Problem]
 ) -> tuple[PatchFace, ...] | None:
-    """The faces of a patch on its surface; None, with a problem, if it does not fit."""
+    """Return the faces of a patch on its surface; None, with a problem, if it does not fit."""
     on, where = patch.on, f"patches.{name}.on"
     if not isinstance(surface, FlatSurface):
         if patch.mode in INSERTED:
-            message = f"patches.{name}.mode: {patch.mode} needs a rectangle; {surface.name} is covered whole"
+            message = f"patches.{name}.mode: {patch.mode} needs a rectangle; {surface.name} is a texture map"
             remedy = "name another surface, or write mode: rendered"
             place = base.place_of("patches", name, "mode")
             problems.append(Problem(message, place, remedy, Code.CONFLICT))
             return None
         wrong = [key for key in ("at", "size") if base.get("patches", name, "on", key) is not None]
         for key in wrong:
-            message = f"{where}.{key}: the surface {surface.name} is covered whole"
+            message = f"{where}.{key}: the surface {surface.name} is a texture map, which covers the entire body"
             remedy = "remove it, or name another surface"
             problems.append(Problem(message, base.place_of("patches", name, "on", key), remedy, Code.CONFLICT))
         return None if wrong else tuple(face for _, face in surface.islands)
@@ -162,7 +162,7 @@ def _faces(
         return None
     if on.size.width > wide + 1e-9 or on.size.height > high + 1e-9:
         message = f"{where}.size: {on.size.width:g} x {on.size.height:g} m does not fit {title}"
-        remedy = f"the largest at x = {x:.4g}, z = {z:.4g} is {wide:.4g} x {high:.4g} m, in its middle {largest}"
+        remedy = f"write at most {wide:.4g} x {high:.4g} m at x = {x:.4g}, z = {z:.4g}, or {largest} in the middle"
         problems.append(Problem(message, base.place_of("patches", name, "on", "size"), remedy, Code.OUT_OF_RANGE))
         return None
     return (surface.face(x, z, on.size.width, on.size.height),)
@@ -176,7 +176,7 @@ def _texture(
     frames: int,
     problems: list[Problem],
 ) -> PatchTexture | None:
-    """The texture of a patch; None, with a problem, if its sequence is too short."""
+    """Return the texture of a patch; None, with a problem, if its sequence is too short."""
     texture = patch.texture
     if texture is None:
         return PatchTexture(colour=GREEN)
@@ -191,7 +191,7 @@ def _texture(
     if len(files) < frames:
         numbers = f"{count(len(files), 'image')} for {count(frames, 'frame')}"
         message = f"patches.{name}.texture.frames: {show(value.plain)} has {numbers}"
-        remedy = f"add images, one a frame, or lower clock.frames to {len(files)}"
+        remedy = f"add images, one for each frame, or lower clock.frames to {len(files)}"
         problems.append(Problem(message, value.place, remedy, Code.OUT_OF_RANGE))
         return None
     return PatchTexture(frames=tuple(files[:frames]))

@@ -1,6 +1,7 @@
 """Finds the image files that the patches of a recipe name, in its base, its deltas and its draws.
 
-Paths are relative to the file that names them, as those of assets. A folder stands for its .png files by name.
+Paths are relative to the file that names them, like those of assets. A folder means its .png files, in the order of
+their names.
 """
 
 from __future__ import annotations
@@ -19,19 +20,23 @@ from recipe_compiler.source.yaml_reader import Value, printable, show
 MAX_SEQUENCE = 10_000  # images of a folder
 _PREFIX = "texture:"  # keeps their names distinct from those of assets
 
-Key = tuple[str, str, str]  # the file that names a texture, what it writes, and whether it is an image or a folder
+Key = tuple[str, str, str]  # the file that names a texture, the path as written there, and `image` or `frames`
 
 
 @dataclass
 class TextureFiles:
     """The image files of a recipe's patches."""
 
-    names: dict[Key, tuple[str, ...]] = field(default_factory=dict)  # of files, by who names them
+    names: dict[Key, tuple[str, ...]] = field(default_factory=dict)  # names of files, by texture
     files: dict[str, NamedFile] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
     def read(self, assets: Mapping[str, AssetFile]) -> dict[Key, tuple[AssetFile, ...]]:
-        """The validated files of each texture, of all validated files by name; without those that are invalid."""
+        """Return the files of each texture, without textures that have invalid files.
+
+        Args:
+            assets: all validated files, by name.
+        """
         every = self.names.items()
         return {key: tuple(assets[n] for n in names) for key, names in every if all(n in assets for n in names)}
 
@@ -61,12 +66,12 @@ def find(root: Value, folder: Path, sources: Sources) -> TextureFiles:
 
 
 def texture_key(place: Place, given: str, kind: str) -> Key:
-    """The key of a texture in `TextureFiles.names`: the place that names it, what is written there, image or frames."""
+    """Return the key of a texture in `TextureFiles.names`; `kind` is `image` or `frames`."""
     return place.file, given, kind
 
 
 def _named(root: Value) -> Iterator[tuple[str, str, Value, Value | None]]:
-    """Yield where a texture is named, `image` or `frames`, its value, and the value of its SHA-256."""
+    """Yield the path of each texture in the recipe, `image` or `frames`, its value, and its SHA-256 if it is pinned."""
     base, deltas = root.get("base"), root.get("deltas")
     layers = [base] if base is not None else []
     layers += [delta for values in deltas.map.values() for delta in values.map.values()] if deltas is not None else []
@@ -101,7 +106,7 @@ def _sequence(
             reason = f"cannot be read as a folder: {error.strerror}"
     if not reason and not 1 <= len(names) <= MAX_SEQUENCE:
         reason = f"has {count(len(names), 'PNG image')}"
-        remedy = f"give it 1 to {MAX_SEQUENCE}, one a frame"
+        remedy = f"put 1 to {MAX_SEQUENCE} images into it, one for each frame"
     if reason:
         problems.append(Problem(f"{where}: {show(given)}: {reason}", place, remedy, Code.INVALID_ASSET))
         return ()

@@ -66,7 +66,7 @@ class Path:
 
         Args:
             points: at least two that differ; a point equal to the one before is ignored.
-            radius: of the arcs. An arc uses at most half of each leg beside it, and its radius is less if necessary.
+            radius: of the arcs. An arc uses at most half of each adjacent leg, and its radius is smaller if necessary.
             closed: whether it returns to the first point.
         """
         self._pieces = _pieces([*points, points[0]] if closed else points, radius, closed)

@@ -158,15 +158,30 @@ def light_at_time(light: WeatherLight, time: float) -> WeatherLight:
 
     It is the same object if none of these has changed.
     """
+    moved = _moved(light, time)
+    if light.moved == moved:
+        return light
+    air = copy_struct(light.air)
+    _set_moved(air, moved)
+    return replace(light, air=air, moved=moved)
+
+
+def move_air(air: Air, light: WeatherLight, time: float) -> None:
+    """Set the clouds, leaves and rings of a light's air in place, to those of a time in seconds."""
+    _set_moved(air, _moved(light, time))
+
+
+def _moved(light: WeatherLight, time: float) -> tuple[float, float, int, int]:
+    """Return the drift of the clouds, and the steps of rings and leaves, at a time in seconds."""
     # Clouds move in steps too small to see; between steps a static camera reuses its sky.
     moved = light.wind * int(2.0 * time) / 2.0
-    drift = fixed(0.004 * moved), fixed(0.002 * moved)
     ring_step = int(_RING_STEPS * time) if light.rain > 0.0 else 0
     leaf_step = int(_LEAF_STEPS * time + 1e-6) if light.air.leaf_motion > 0.0 else 0
-    if light.moved == (*drift, ring_step, leaf_step):
-        return light
-    air = set_fields(copy_struct(light.air), drift=wp.vec2f(*drift), ring_step=ring_step, leaf_step=leaf_step)
-    return replace(light, air=air, moved=(*drift, ring_step, leaf_step))
+    return fixed(0.004 * moved), fixed(0.002 * moved), ring_step, leaf_step
+
+
+def _set_moved(air: Air, moved: tuple[float, float, int, int]) -> None:
+    set_fields(air, drift=wp.vec2f(*moved[:2]), ring_step=moved[2], leaf_step=moved[3])
 
 
 def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:

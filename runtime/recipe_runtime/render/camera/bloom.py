@@ -29,7 +29,7 @@ def spread(hdr_image: DeviceArray, camera: CameraPlan, device: str) -> DeviceArr
     side = side_of(camera)
     wide, high = -(-camera.width // side), -(-camera.height // side)
     first, second = (wp.empty(wide * high, dtype=wp.vec3f, device=device) for _ in range(2))
-    weights: wp.array[wp.float32] = wp.array(_bell(), dtype=wp.float32, device=device)
+    weights: wp.array[wp.float32] = wp.array(bell(), dtype=wp.float32, device=device)
     launch(
         downsample,
         wide * high,
@@ -48,7 +48,7 @@ def spread(hdr_image: DeviceArray, camera: CameraPlan, device: str) -> DeviceArr
 
 
 @cache
-def _bell() -> NDArray[np.float32]:
+def bell() -> NDArray[np.float32]:
     """Return the weights of the blur: the sum of a narrow and a wide Gaussian, normalised."""
     places = range(-_RADIUS, _RADIUS + 1)
     values = [exact.exp(-n * n / 4.5) + 0.25 * exact.exp(-n * n / 50.0) for n in places]

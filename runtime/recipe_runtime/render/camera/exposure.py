@@ -60,6 +60,7 @@ def lens_circle(response: CameraResponse) -> NDArray[np.float32]:
     return np.array([max(0.0, 1.0 - response.lens_circle_multiplier * s) for s in shade], np.float32)
 
 
+@lru_cache(maxsize=16)
 def encoded(levels: int, gamma: float) -> NDArray[np.float64]:
     """Return the encoded value, 0 to 1, of each linear level: the sRGB curve, its result raised to 2.2 / gamma."""
     top = levels - 1

@@ -44,18 +44,26 @@ def then_from_now(world_from_sensor: Array, parts: Array, neighbour: NeighbourFr
     return compose(then, invert(view_from_parts(world_from_sensor, parts)))
 
 
-def blurred(
-    light: DeviceArray,
-    undistorted: Observation,
-    g: Geometry,
-    response: CameraResponse,
-    neighbour: NeighbourFrame,
-    device: str,
-) -> DeviceArray:
-    """Return an HDR image with motion blur, vec3f [H * W].
+@dataclass(frozen=True, eq=False)
+class ScreenMotion:
+    """The motion of an HDR image's samples during the exposure."""
+
+    keys: DeviceArray  # visibility keys, uint64 [H * W]
+    motion: DeviceArray  # vec2f [H * W], in samples
+    longest: DeviceArray  # vec2f, the longest motion that reaches each tile
+    shutter: Shutter
+
+    def arguments(self) -> dict[str, object]:
+        """Return the arguments of kernels, by name."""
+        return {"keys": self.keys, "motion": self.motion, "longest": self.longest, "shutter": self.shutter}
+
+
+def screen_motion_of(
+    undistorted: Observation, g: Geometry, response: CameraResponse, neighbour: NeighbourFrame, device: str
+) -> ScreenMotion:
+    """Return the motion of the samples of an HDR image.
 
     Args:
-        light: The HDR image, vec3f [H * W].
         undistorted: The observation by its camera.
         g: The geometry of the scene.
         response: The camera's settings.
@@ -72,7 +80,7 @@ def blurred(
     )
     pixels = camera.width * camera.height
     tiles = -(-camera.width // int(TILE)) * -(-camera.height // int(TILE))
-    motion, out = wp.empty(pixels, dtype=wp.vec2f, device=device), wp.empty(pixels, dtype=wp.vec3f, device=device)
+    motion = wp.empty(pixels, dtype=wp.vec2f, device=device)
     own, around = (wp.empty(tiles, dtype=wp.vec2f, device=device) for _ in range(2))
     launch(
         screen_motion,
@@ -90,6 +98,11 @@ def blurred(
     )
     launch(longest_in_tile, tiles, device, motion=motion, shutter=shutter, out_longest=own)
     launch(longest_around_tile, tiles, device, longest=own, shutter=shutter, out_longest=around)
-    shared = {"hdr_image": light, "keys": undistorted.keys, "motion": motion, "longest": around}
-    launch(average_exposure, pixels, device, shutter=shutter, out_light=out, **shared)
+    return ScreenMotion(undistorted.keys, motion, around, shutter)
+
+
+def blurred(light: DeviceArray, motion: ScreenMotion, device: str) -> DeviceArray:
+    """Return an HDR image, vec3f [H * W], with motion blur."""
+    out = wp.empty(light.size, dtype=wp.vec3f, device=device)
+    launch(average_exposure, light.size, device, hdr_image=light, out_light=out, **motion.arguments())
     return out

@@ -133,6 +133,55 @@ def is_in_front(a: wp.uint64, b: wp.uint64) -> bool:
     return wp.float64(wp.int64(a >> wp.uint64(24))) > nearness * wp.float64(1.02)
 
 
+@wp.func
+def longest_near(i: wp.int32, longest: wp.array[wp.vec2f], s: Shutter) -> wp.vec2f:
+    """Return the longest motion that reaches the tile of a sample."""
+    row = i / s.wide
+    column = i - row * s.wide
+    return longest[row / TILE * ((s.wide + TILE - 1) / TILE) + column / TILE]
+
+
+@wp.func
+def moments_of(there: wp.vec2f) -> wp.int32:
+    """Return the moments of the exposure that a sample averages, 0 if nothing near it moves."""
+    length = wp.sqrt(there[0] * there[0] + there[1] * there[1])
+    if length < 0.5:
+        return wp.int32(0)
+    return wp.min(wp.int32(length) + 2, MAX_STEPS)
+
+
+@wp.func
+def shown_at_moment(
+    i: wp.int32,
+    n: wp.int32,
+    moments: wp.int32,
+    there: wp.vec2f,
+    keys: wp.array[wp.uint64],
+    motion: wp.array[wp.vec2f],
+    shutter: Shutter,
+) -> wp.int32:
+    """Return the index of the sample whose light sample i shows at moment n of the exposure."""
+    row = i / shutter.wide
+    x = wp.float32(i - row * shutter.wide)
+    y = wp.float32(row)
+    own = motion[i]
+    t = (wp.float32(n) + 0.5) / wp.float32(moments) - 0.5
+    # Estimate the origin from one motion, then correct it by the motion of the surface found there.
+    a = place_at(x - there[0] * t, y - there[1] * t, shutter)
+    a = place_at(x - motion[a][0] * t, y - motion[a][1] * t, shutter)
+    behind = place_at(x - own[0] * t, y - own[1] * t, shutter)
+    b = place_at(x - motion[behind][0] * t, y - motion[behind][1] * t, shutter)
+    stays = lands_on(b, motion[b], t, x, y, shutter)
+    shown = i
+    if lands_on(a, motion[a], t, x, y, shutter) and (not stays or is_in_front(keys[a], keys[b])):
+        shown = a
+    elif stays:
+        shown = b
+    elif is_in_front(keys[i], keys[behind]):  # a nearer surface hides the origin
+        shown = behind
+    return shown
+
+
 @wp.kernel
 def average_exposure(
     hdr_image: wp.array[wp.vec3f],
@@ -144,31 +193,14 @@ def average_exposure(
 ):
     """Write a sample's light, averaged over the moments of the exposure."""
     i = wp.tid()
-    row = i / shutter.wide
-    column = i - row * shutter.wide
-    there = longest[row / TILE * ((shutter.wide + TILE - 1) / TILE) + column / TILE]
-    length = wp.sqrt(there[0] * there[0] + there[1] * there[1])
-    if length < 0.5:
+    there = longest_near(i, longest, shutter)
+    moments = moments_of(there)
+    if moments == 0:
         out_light[i] = hdr_image[i]
         return
-    x = wp.float32(column)
-    y = wp.float32(row)
-    own = motion[i]
-    moments = wp.min(wp.int32(length) + 2, MAX_STEPS)
     here = hdr_image[i]
     total = wp.vec3f(0.0, 0.0, 0.0)  # of differences, so that unchanged light stays bit-identical
     for n in range(moments):
-        t = (wp.float32(n) + 0.5) / wp.float32(moments) - 0.5
-        # Estimate the origin from one motion, then correct it by the motion of the surface found there.
-        a = place_at(x - there[0] * t, y - there[1] * t, shutter)
-        a = place_at(x - motion[a][0] * t, y - motion[a][1] * t, shutter)
-        behind = place_at(x - own[0] * t, y - own[1] * t, shutter)
-        b = place_at(x - motion[behind][0] * t, y - motion[behind][1] * t, shutter)
-        stays = lands_on(b, motion[b], t, x, y, shutter)
-        if lands_on(a, motion[a], t, x, y, shutter) and (not stays or is_in_front(keys[a], keys[b])):
-            total = total + (hdr_image[a] - here)
-        elif stays:
-            total = total + (hdr_image[b] - here)
-        elif is_in_front(keys[i], keys[behind]):  # a nearer surface hides the origin
-            total = total + (hdr_image[behind] - here)
+        shown = shown_at_moment(i, n, moments, there, keys, motion, shutter)
+        total = total + (hdr_image[shown] - here)
     out_light[i] = here + total * (1.0 / wp.float32(moments))

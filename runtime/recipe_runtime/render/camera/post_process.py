@@ -7,6 +7,7 @@ the picture is resampled from it.
 
 from __future__ import annotations
 
+from typing import Any
 from weakref import WeakKeyDictionary
 
 from recipe_compiler.ir import optics
@@ -14,7 +15,7 @@ from recipe_compiler.ir.plan import CameraPlan, CameraResponse
 
 from recipe_runtime.render.camera import bloom, motion_blur, passes
 from recipe_runtime.render.camera.develop_kernels import Response
-from recipe_runtime.render.camera.motion_blur import NeighbourFrame
+from recipe_runtime.render.camera.motion_blur import NeighbourFrame, ScreenMotion
 from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.post_process_kernels import LensEffects, finish_pixels
 from recipe_runtime.render.camera.responses import ResponseTables
@@ -69,19 +70,18 @@ class PostProcess:
             r: The same as a struct `Response`, with exposure and noise.
             neighbour: The frame that motion blur takes the motion from, if any.
         """
-        device, pixels = self._device, obs.camera.width * obs.camera.height
-        if neighbour is not None and response.motion_blur_intensity > 0.0:
-            light = motion_blur.blurred(light, undistorted, self._g, response, neighbour, device)
+        pixels = obs.camera.width * obs.camera.height
+        motion = self.motion(undistorted, response, neighbour)
+        light, spread = self.spread_light(light, undistorted.camera, response, motion)
         tables = self._tables.by_distance(response)
-        out = wp.empty(pixels * 3, dtype=wp.uint8, device=device)
+        out = wp.empty(pixels * 3, dtype=wp.uint8, device=self._device)
         launch(
             finish_pixels,
             pixels,
-            device,
+            self._device,
             hdr_image=light,
-            spread=bloom.spread(light, undistorted.camera, device) if response.bloom_intensity > 0.0 else light,
-            distortion=distortion.distortion_of(obs.camera, response.supersample),
-            effects=_effects_of(response, undistorted.camera),
+            spread=spread,
+            **lens_arguments(obs.camera, undistorted.camera, response),
             response=r,
             lens_circle=tables.gains,
             tone_table=tables.tone,
@@ -89,6 +89,38 @@ class PostProcess:
             out_rgb=out,
         )
         return out
+
+    def motion(
+        self, undistorted: Observation, response: CameraResponse, neighbour: NeighbourFrame | None
+    ) -> ScreenMotion | None:
+        """Return the motion of the HDR image's samples; None without motion blur."""
+        if neighbour is None or response.motion_blur_intensity == 0.0:
+            return None
+        return motion_blur.screen_motion_of(undistorted, self._g, response, neighbour, self._device)
+
+    def spread_light(
+        self, light: DeviceArray, undistorted: CameraPlan, response: CameraResponse, motion: ScreenMotion | None
+    ) -> tuple[DeviceArray, DeviceArray]:
+        """Return an HDR image with motion blur, and its bloom image; without bloom, the former twice."""
+        if motion is not None:
+            light = motion_blur.blurred(light, motion, self._device)
+        return light, bloom.spread(light, undistorted, self._device) if response.bloom_intensity > 0.0 else light
+
+    def lens_circle(self, response: CameraResponse) -> DeviceArray:
+        """Return the gains of the lens circle, float32, by squared distance from the centre."""
+        return self._tables.by_distance(response).gains
+
+
+def lens_arguments(camera: CameraPlan, undistorted: CameraPlan, response: CameraResponse) -> dict[str, Any]:
+    """Return the arguments `distortion` and `effects` of kernels that resample an HDR image."""
+    effects = set_fields(
+        LensEffects(),
+        fringe=0.01 * response.chromatic_aberration_intensity,
+        clear=response.chromatic_aberration_offset,
+        bloom=bloom.SHARE * response.bloom_intensity,
+        coarse=bloom.side_of(undistorted),
+    )
+    return {"distortion": distortion.distortion_of(camera, response.supersample), "effects": effects}
 
 
 def needs_post_process(camera: CameraPlan, response: CameraResponse, neighbour: NeighbourFrame | None) -> bool:
@@ -99,14 +131,4 @@ def needs_post_process(camera: CameraPlan, response: CameraResponse, neighbour: 
         or response.chromatic_aberration_intensity > 0.0
         or response.bloom_intensity > 0.0
         or (neighbour is not None and response.motion_blur_intensity > 0.0)
-    )
-
-
-def _effects_of(response: CameraResponse, undistorted: CameraPlan) -> LensEffects:
-    return set_fields(
-        LensEffects(),
-        fringe=0.01 * response.chromatic_aberration_intensity,
-        clear=response.chromatic_aberration_offset,
-        bloom=bloom.SHARE * response.bloom_intensity,
-        coarse=bloom.side_of(undistorted),
     )

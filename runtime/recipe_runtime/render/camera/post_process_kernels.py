@@ -54,6 +54,61 @@ def light_with_bloom(
     return light
 
 
+@wp.func
+def sample_point(i: wp.int32, s: wp.int32, c: Distortion) -> wp.vec2d:
+    """Return the point of the picture, in pixels, of sample s of pixel i."""
+    step = wp.float64(1.0) / wp.float64(c.fine)
+    x = wp.float64(i % c.width) + (wp.float64(s % c.fine) + wp.float64(0.5)) * step
+    y = wp.float64(i / c.width) + (wp.float64(s / c.fine) + wp.float64(0.5)) * step
+    return wp.vec2d(x, y)
+
+
+@wp.func
+def from_centre(p: wp.vec2d, c: Distortion) -> wp.vec2d:
+    """Return the offset of a point of the picture from its centre, in pixels."""
+    return wp.vec2d(
+        p[0] - wp.float64(c.width) * wp.float64(0.5),
+        p[1] - wp.float64(c.height) * wp.float64(0.5),
+    )
+
+
+@wp.func
+def displaced(p: wp.vec2d, away: wp.vec2d, part: wp.float64, c: Distortion) -> wp.vec2d:
+    """Return the point of the HDR image, in samples, of a point that is displaced by a share of its offset."""
+    return undistorted_position(p[0] + away[0] * part, p[1] + away[1] * part, c)
+
+
+@wp.func
+def fringe_share(away: wp.vec2d, c: Distortion, f: LensEffects) -> wp.float64:
+    """Return the displacement of red, inward, and of blue, outward, as a share of the offset from the centre."""
+    half = wp.float64(c.width) * wp.float64(0.5)
+    radius = wp.float32(wp.sqrt(away[0] * away[0] + away[1] * away[1]) / (half * c.limit))
+    return wp.float64(f.fringe * wp.max(radius - f.clear, 0.0) / (1.0 - f.clear))
+
+
+@wp.func
+def light_of_sample(
+    hdr_image: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Distortion, f: LensEffects
+) -> wp.vec3f:
+    """Return the light at a point of the picture, with bloom and chromatic aberration, before the vignette."""
+    light = light_with_bloom(hdr_image, spread, undistorted_position(p[0], p[1], c), c, f)
+    if f.fringe > 0.0:
+        away = from_centre(p, c)
+        part = fringe_share(away, c, f)
+        outward = light_with_bloom(hdr_image, spread, displaced(p, away, -part, c), c, f)
+        inward = light_with_bloom(hdr_image, spread, displaced(p, away, part, c), c, f)
+        light = wp.vec3f(outward[0], light[1], inward[2])
+    return light
+
+
+@wp.func
+def vignette_of_sample(p: wp.vec2d, c: Distortion, r: Response, lens_circle: wp.array[wp.float32]) -> wp.float32:
+    """Return the gain of the vignette at a point of the picture."""
+    away = from_centre(p, c)
+    wide = wp.float64(c.width) * wp.float64(0.5) * wp.float64(2.0)
+    return vignette_at(wp.float32(away[0] / wide), wp.float32(away[1] / wide), r, lens_circle)
+
+
 @wp.kernel
 def finish_pixels(
     hdr_image: wp.array[wp.vec3f],
@@ -68,31 +123,13 @@ def finish_pixels(
 ):
     """Write a pixel's three bytes: tone mapping of each sample, their mean, then noise."""
     i = wp.tid()
-    step = wp.float64(1.0) / wp.float64(distortion.fine)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
     blue = wp.float32(0.0)
-    half = wp.float64(distortion.width) * wp.float64(0.5)
-    middle = wp.float64(distortion.height) * wp.float64(0.5)
     for s in range(distortion.fine * distortion.fine):
-        x = wp.float64(i % distortion.width) + (wp.float64(s % distortion.fine) + wp.float64(0.5)) * step
-        y = wp.float64(i / distortion.width) + (wp.float64(s / distortion.fine) + wp.float64(0.5)) * step
-        dx = x - half
-        dy = y - middle
-        light = light_with_bloom(hdr_image, spread, undistorted_position(x, y, distortion), distortion, effects)
-        if effects.fringe > 0.0:
-            radius = wp.float32(wp.sqrt(dx * dx + dy * dy) / (half * distortion.limit))
-            part = wp.float64(effects.fringe * wp.max(radius - effects.clear, 0.0) / (1.0 - effects.clear))
-            outward = light_with_bloom(
-                hdr_image, spread, undistorted_position(x - dx * part, y - dy * part, distortion), distortion, effects
-            )
-            inward = light_with_bloom(
-                hdr_image, spread, undistorted_position(x + dx * part, y + dy * part, distortion), distortion, effects
-            )
-            light = wp.vec3f(outward[0], light[1], inward[2])
-        gain = vignette_at(
-            wp.float32(dx / (half * wp.float64(2.0))), wp.float32(dy / (half * wp.float64(2.0))), response, lens_circle
-        )
+        p = sample_point(i, s, distortion)
+        light = light_of_sample(hdr_image, spread, p, distortion, effects)
+        gain = vignette_of_sample(p, distortion, response, lens_circle)
         red = red + tone(light[0] * gain)
         green = green + tone(light[1] * gain)
         blue = blue + tone(light[2] * gain)

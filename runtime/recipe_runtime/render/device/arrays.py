@@ -10,7 +10,7 @@ import numpy as np
 from recipe_runtime.render.device.setup import wp
 
 Struct = TypeVar("Struct")
-DeviceArray: TypeAlias = "wp.array[Any, Any]"  # of any element type and shape; comments beside its uses say which
+DeviceArray: TypeAlias = "wp.array[Any, Any]"  # of any element type and shape; comments at its uses say which
 
 
 def zeros(count: int, kind: Any, device: str) -> DeviceArray:

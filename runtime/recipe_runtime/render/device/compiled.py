@@ -1,7 +1,7 @@
 """Compiled kernels, verified by digest when they are loaded.
 
 Power loss leaves empty files, and altered files render wrongly. Warp compiles a module into a folder of its own,
-`wp_<module>_<hash>`, and later loads the files in it. Beside these files is `wp_<module>_<hash>.sha256`, in the format
+`wp_<module>_<hash>`, and later loads the files in it. Next to these files is `wp_<module>_<hash>.sha256`, in the format
 of sha256sum, written once Warp has loaded what it compiled. A folder with other files than those of the list is
 removed, and the module compiled again.
 
@@ -84,7 +84,7 @@ def _discard(folder: Path) -> None:
     try:
         cache_folder.remove(folder, folder.parents[3])
         if _kept(folder) or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-            raise OSError(None, "something else lies there")
+            raise OSError(None, "it is not a folder")
     except OSError as error:
         raise RunError(
             f"the compiled kernel {folder} is damaged and cannot be removed: {error.strerror}; remove it,"

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.atmosphere.weather_light import WeatherLight, initial_light, light_at_time
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight, initial_light, move_air
+from recipe_runtime.render.camera.develop_kernels import Response
 from recipe_runtime.render.camera.post_process import needs_post_process
 from recipe_runtime.render.camera.rain import rain_at
 from recipe_runtime.render.camera.responses import ResponseTables, response_of
-from recipe_runtime.render.device.arrays import struct_array
+from recipe_runtime.render.device.arrays import copy_struct, set_fields, struct_array
 from recipe_runtime.render.device.memory_layout import span_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.recorded_frame import RecordedFrame, RenderedFrame
@@ -87,6 +88,7 @@ class FrameStream:
         )
         self._burning = any(look.light.lamps_burn for look in looks)
         self._lamp_shadows = LampShadowMaps(geometry, device)
+        self._responses: dict[int, tuple[float, Response]] = {}  # by appearance, with the light of lamps
         self._maps: list[Any] = []  # static shadow maps that frames in flight may read
         self._recorded = [RecordedFrame(self._setup) for _ in range(in_flight)]
 
@@ -119,7 +121,8 @@ class FrameStream:
         sun = next((n for n, sun in enumerate(suns) if light.sun_shines and bool((light.sun == sun).all())), -1)
         colours = surface_colours(self._g, plan.looks.root, self._atlases.of(plan).images, self._device)
         tables = self._tables.by_pixel(response, self._camera)
-        return ShadedAppearance(plan, light, struct_array([colours], self._device), response, tables, sun)
+        air, uploaded = copy_struct(light.air), struct_array([colours], self._device)
+        return ShadedAppearance(plan, light, air, uploaded, response, tables, sun)
 
     def _rows(self, batch: FrameBatch, start: int, stop: int) -> NDArray[np.uint8]:
         """Return layout rows of some frames, without the bytes that belong to a recorded frame."""
@@ -130,7 +133,7 @@ class FrameStream:
         put(rows, "view_from_part", view_from_parts(poses, parts))
         put(rows, "world_from_part", world)
         put(rows, "world_from_view", world_from_view(poses))
-        held = self._put_lamps(rows, world, poses)
+        held = self._put_lamps(rows, world, poses) if self._burning else []
         for name, column in zip(lights.BODY_NAMES, lights.body_columns(self._g, parts), strict=True):
             put(rows, f"bodies {name}", column)
         put(rows, "samples", eyes, span_of(sample_kernels.Samples, "eye")[0])
@@ -153,7 +156,7 @@ class FrameStream:
         for name, column in zip(MAP_NAMES, slots.columns, strict=True):
             put(rows, f"lamp maps {name}", column)
         held: list[Any] = []
-        for row, frame in zip(rows, slots.by_frame() if self._burning else [], strict=False):
+        for row, frame in zip(rows, slots.by_frame(), strict=True):
             static = self._lamp_shadows.static_maps(frame)
             put_records(row, "lamp maps static", static)
             held += static
@@ -173,14 +176,23 @@ class FrameStream:
         """Put the light, rain and camera response of every appearance at a time into a row."""
         layout = self._setup.layout
         for v, look in enumerate(self._setup.appearances):
-            light, seed = light_at_time(look.light, time), look.plan.seed
-            layout.put_records(row, f"air {v}", [light.air])
+            light, seed = look.light, look.plan.seed
+            move_air(look.air, light, time)
+            layout.put_records(row, f"air {v}", [look.air])
             if light.rain > 0.0:
                 layout.put_records(row, f"rain {v}", [rain_at(pose, light, time, seed)])
-            lit = lights.lamplight(self._g, pose[:, 3]) if light.lamplight > 0.0 else 1.0
-            key = noise_key(seed, self._sensor, number)
-            response = response_of(look.response, light.exposure(lit), key, self._camera)
+            response = self._response(v, look, pose[:, 3])
+            set_fields(response, key=noise_key(seed, self._sensor, number))
             layout.put_records(row, f"response {v}", [response])
+
+    def _response(self, v: int, look: ShadedAppearance, eye: Array) -> Response:
+        """Return the response of appearance `v` without the key of its noise; computed again if the lamps changed."""
+        lamps = lights.lamplight(self._g, eye) if look.light.lamplight > 0.0 else 1.0
+        latest = self._responses.get(v)
+        if latest is None or latest[0] != lamps:
+            latest = lamps, response_of(look.response, look.light.exposure(lamps), 0, self._camera)
+            self._responses[v] = latest
+        return latest[1]
 
 
 def can_stream(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:

@@ -18,6 +18,7 @@ from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.memory_layout import MemoryLayout
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import lights
+from recipe_runtime.render.raster import passes as raster_passes
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.shadows.lamp_shadow_kernels import StaticLampMap
@@ -31,6 +32,7 @@ class ShadedAppearance:
 
     plan: AppearancePlan
     light: WeatherLight  # at time 0
+    air: Air  # at the time of the frame that is being prepared
     colours: DeviceArray  # a one-element array of SurfaceColours
     response: CameraResponse
     tables: Tables
@@ -89,7 +91,7 @@ def result_layout(setup: StreamSetup) -> MemoryLayout:
     layout, labels = MemoryLayout(), (("depth", wp.float32), ("instance", wp.uint16), ("semantic", wp.uint8))
     for name, kind in labels:
         layout.add(name, kind, (setup.pixels,))
-    layout.add("extents", wp.int32, (4, max(len(setup.g.actors), 1), 5))
+    layout.add("extents", wp.int32, raster_passes.empty_extents(setup.g, 4).shape)
     layout.add("cursor", wp.int32, (1,))
     for v in range(len(setup.appearances)):
         layout.add(f"rgb {v}", wp.uint8, (setup.pixels * 3,))

@@ -19,7 +19,7 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-MAX_RADIUS = wp.constant(wp.float32(5.0))  # metres beside a lamp at which its glow has faded to 0
+MAX_RADIUS = wp.constant(wp.float32(5.0))  # metres from a lamp at which its glow has faded to 0
 MAX_DISTANCE = wp.constant(wp.float32(70.0))  # metres from the eye, likewise
 MIN_RADIUS = wp.constant(wp.float32(0.12))  # metres, the radius of a lamp's glass
 SATURATION = wp.constant(wp.float32(12.0))  # per unit of power: bright lamps glow less than their strength

@@ -306,7 +306,7 @@ def patched_material(
     surface: wp.int32,
     m: Material,
 ) -> Material:
-    """The material of a sample with the patches that its surface carries, one over the other.
+    """Return the material of a sample with the patches on its surface, in order.
 
     A patch hides what is below it, also water and glass; it keeps the surface's relief.
     """

@@ -178,7 +178,7 @@ def trace_rays(
 
     A ray of an earlier frame, from sample `out_origins` across the tiles `out_ways`, is reused if nothing moves in
     these tiles, and so is `DRY`, for a block that reflects nothing. A block whose ray changes marks its pixels, and
-    those beside it, as dirty.
+    the adjacent ones, as dirty.
     """
     columns = (pinhole.width + 1) / 2
     spans = (columns + blocks_per_thread - 1) / blocks_per_thread

@@ -44,7 +44,7 @@ def is_block_unchanged(x0: wp.int32, y0: wp.int32, previous: wp.array[PreviousFr
 
 @wp.func
 def mark_block_dirty(x0: wp.int32, y0: wp.int32, previous: wp.array[PreviousFrame], pinhole: Pinhole):
-    """Mark a block of 2 x 2 pixels whose reflection changes, and those beside it, as dirty."""
+    """Mark a block of 2 x 2 pixels whose reflection changes, and the adjacent ones, as dirty."""
     for y in range(wp.max(y0 - 2, 0), wp.min(y0 + 4, pinhole.height)):
         for x in range(wp.max(x0 - 2, 0), wp.min(x0 + 4, pinhole.width)):
             mark_dirty(previous, y * pinhole.width + x)

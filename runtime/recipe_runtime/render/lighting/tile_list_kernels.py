@@ -46,7 +46,7 @@ class Bodies:
     centre: wp.array[wp.vec3f]  # of the footprint
     axis: wp.array[wp.vec2f]  # unit, along its first half size
     half: wp.array[wp.vec2f]
-    spread: wp.array[wp.float32]  # metres beside the box over which the occlusion fades
+    spread: wp.array[wp.float32]  # metres around the box over which the occlusion fades
     strength: wp.array[wp.float32]
     count: wp.int32
 

@@ -1,1 +1,1 @@
-"""Patches: textures that an appearance lays on surfaces, found from a sample's triangle and position."""
+"""Patches: decals that are evaluated per sample, from its triangle and its position."""

@@ -15,17 +15,17 @@ from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.texture.surface_colours import linear_colour
 
-_RADIANCE = 3.141592653589793 / 11000.0  # of white, in the scale of `air`, of one cd/m2
-_COAT = 0.05  # reflectance straight on of a patch that has gloss, as of varnish
+_RADIANCE = 3.141592653589793 / 11000.0  # radiance of 1 cd/m2 of white, in the units of `air`
+_COAT = 0.05  # reflectance at normal incidence of a glossy patch, like varnish
 
 
 def no_patches(device: str) -> DeviceArray:
-    """A one-element array of `PatchArrays` without patches."""
+    """Return a one-element array of `PatchArrays` without patches."""
     return struct_array([PatchArrays()], device)
 
 
 def texture_of(patch: PatchPlan, frame: int) -> TexturePlan | None:
-    """The image that a patch shows in a frame; None for a colour."""
+    """Return the image that a patch shows in a frame; None for a colour."""
     file = patch.shown.at(frame)
     return None if file is None else TexturePlan(file=file)
 
@@ -33,18 +33,18 @@ def texture_of(patch: PatchPlan, frame: int) -> TexturePlan | None:
 def patch_structs(
     geometry: Geometry, patches: Sequence[PatchPlan], numbers: Mapping[TexturePlan, int], frame: int, device: str
 ) -> DeviceArray:
-    """The patches of an appearance in a frame, a one-element array of `PatchArrays`.
+    """Return the patches of an appearance in a frame, a one-element array of `PatchArrays`.
 
     Args:
         geometry: The bodies.
-        patches: The patches, each lying over those before it.
-        numbers: The place of each image in the appearance's atlas.
+        patches: The patches; each covers those before it.
+        numbers: Index of each image in the appearance's atlas.
         frame: The frame's number.
-        device: The device.
+        device: The Warp device.
     """
     columns = {
-        wp.int32: {**_on_surfaces(geometry, patches), **_whole_numbers(geometry, patches, numbers, frame)},
-        wp.float32: _numbers(patches),
+        wp.int32: {**_by_surface(geometry, patches), **_integers(geometry, patches, numbers, frame)},
+        wp.float32: _scalars(patches),
         wp.vec3f: _vectors(patches),
         wp.vec4f: {"region": [_extent(face) for patch in patches for face in patch.faces]},
     }
@@ -54,12 +54,12 @@ def patch_structs(
         for name, values in fields.items()
     }
     g = geometry
-    own = {"triangles": g.triangles, "vertex_part": g.vertex_part, "face_normals": g.face_normals}
-    return struct_array([set_fields(PatchArrays(), count=len(patches), **own, **arrays)], device)
+    mesh = {"triangles": g.triangles, "vertex_part": g.vertex_part, "face_normals": g.face_normals}
+    return struct_array([set_fields(PatchArrays(), count=len(patches), **mesh, **arrays)], device)
 
 
-def _on_surfaces(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, Any]:
-    """The patches that each surface carries, from the lowest to the topmost."""
+def _by_surface(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, Any]:
+    """Return the patches on each surface, from the lowest to the topmost."""
     entries = [
         [k for k, p in enumerate(patches) if key.body == p.body and (not p.slots or key.slot in p.slots)]
         for key in geometry.surfaces
@@ -67,7 +67,7 @@ def _on_surfaces(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, 
     return {"first_entry": np.cumsum([0, *map(len, entries)]), "entries": [k for found in entries for k in found]}
 
 
-def _whole_numbers(
+def _integers(
     geometry: Geometry, patches: Sequence[PatchPlan], numbers: Mapping[TexturePlan, int], frame: int
 ) -> dict[str, Any]:
     textures = [texture_of(patch, frame) for patch in patches]
@@ -79,7 +79,7 @@ def _whole_numbers(
     }
 
 
-def _numbers(patches: Sequence[PatchPlan]) -> dict[str, Any]:
+def _scalars(patches: Sequence[PatchPlan]) -> dict[str, Any]:
     return {
         "emission": [patch.emission * _RADIANCE for patch in patches],
         "coat": [_COAT if patch.gloss > 0.0 else 0.0 for patch in patches],
@@ -100,7 +100,7 @@ def _vectors(patches: Sequence[PatchPlan]) -> dict[str, Any]:
 
 
 def _part_number(geometry: Geometry, body: str, part: str) -> int:
-    """0 for the world, 1 + p for the Trace's part p; -1 if the body has no such part."""
+    """Return 0 for the world, 1 + p for part p of the Trace; -1 if the body has no such part."""
     if part == STATIC:
         return 0
     for actor in geometry.actors:

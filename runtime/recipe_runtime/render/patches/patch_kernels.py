@@ -1,8 +1,8 @@
-"""Patches: which ones cover a sample, how much of its pixel, and what of their textures it shows.
+"""Evaluation of patches: which patches cover a sample, by how much, and at which texture coordinates.
 
-A sample lies on a patch if its surface carries the patch and its point, in the frame of its part, falls on one of the
-patch's faces. Coordinates are the point's on the face; how far they go from one pixel to the next follows from the
-plane of the sample's triangle. So a patch has no geometry, and its edges are as sharp as a pixel lets them be.
+A sample is on a patch if the patch is on its surface and its point, in the frame of its part, projects onto one of the
+patch's faces. The projection gives the texture coordinates; their derivatives by pixel follow from the plane of the
+sample's triangle. So a patch needs no geometry, and its edges are antialiased analytically.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -17,32 +17,32 @@ from recipe_runtime.render.texture.images import bounded, order_steps, second_st
 
 wp.set_module_options(OPTIONS)
 
-MIN_FACING = wp.constant(wp.float32(0.35))  # cosine of the furthest that a triangle turns away from a rectangle
-GRAZING = wp.constant(wp.float32(0.04))  # cosine below which a footprint grows no longer, as of other surfaces
+MIN_FACING = wp.constant(wp.float32(0.35))  # minimum cosine between the normals of a triangle and a rectangle on it
+GRAZING = wp.constant(wp.float32(0.04))  # minimum cosine to the view for the size of a footprint, as on other surfaces
 
 
 @wp.struct
 class PatchArrays:
     """The patches of an appearance, P of them with F faces, on S surfaces.
 
-    Surface s carries the patches entries[first_entry[s]] .. entries[first_entry[s + 1] - 1], each lying over the one
-    before it. Patch k has the faces first_face[k] .. first_face[k + 1] - 1.
+    On surface s are the patches entries[first_entry[s]] .. entries[first_entry[s + 1] - 1]; each covers the one before
+    it. Patch k has the faces first_face[k] .. first_face[k + 1] - 1.
     """
 
     count: wp.int32
     first_entry: wp.array[wp.int32]  # [S + 1]
     entries: wp.array[wp.int32]
     first_face: wp.array[wp.int32]  # [P + 1]
-    whole: wp.array[wp.int32]  # [P] 1: the face that a triangle is turned to most is shown, wherever it ends
-    image: wp.array[wp.int32]  # [P] number in the atlas; -1: a colour
+    whole: wp.array[wp.int32]  # [P] 1: a triangle shows the face that it faces most, without the face's edges
+    image: wp.array[wp.int32]  # [P] index in the atlas; -1: a colour
     colour: wp.array[wp.vec3f]  # [P] linear
     emission: wp.array[wp.float32]  # [P] radiance of white
     coat: wp.array[wp.float32]  # [P]
     gloss: wp.array[wp.float32]  # [P]
-    part: wp.array[wp.int32]  # [F] 0 the world, 1 + p the Trace's part p
-    corner: wp.array[wp.vec3f]  # [F]
-    right: wp.array[wp.vec3f]  # [F] a unit of u, by its square: the product with it is u
-    down: wp.array[wp.vec3f]  # [F] of v
+    part: wp.array[wp.int32]  # [F] 0 for the world, 1 + p for part p of the Trace
+    corner: wp.array[wp.vec3f]  # [F] top left, in the part's frame, metres
+    right: wp.array[wp.vec3f]  # [F] direction of u divided by the width: its dot product with an offset is u
+    down: wp.array[wp.vec3f]  # [F] likewise for v
     normal: wp.array[wp.vec3f]  # [F] unit
     reach: wp.array[wp.float32]  # [F] metres
     region: wp.array[wp.vec4f]  # [F] of the texture: left, top, width, height
@@ -53,18 +53,18 @@ class PatchArrays:
 
 @wp.struct
 class PatchPoint:
-    """A sample's place on a patch."""
+    """A sample's position on a patch."""
 
     coverage: wp.float32  # share of the pixel, 0 to 1
-    u: wp.float32  # on the face, 0 to 1 within it
+    u: wp.float32  # on the face, from 0 to 1
     v: wp.float32
-    place: wp.vec4f  # coordinates in the texture and their longer step from pixel to pixel, as `image_at` takes them
-    code: wp.uint32  # the shorter step
+    place: wp.vec4f  # texture coordinates, and the longer of their two derivatives by pixel, as `image_at` expects
+    code: wp.uint32  # the shorter derivative
 
 
 @wp.func
 def rotate_back(m: wp.array2d[wp.float32], row: wp.int32, v: wp.vec3f) -> wp.vec3f:
-    """A vector turned by the inverse of the rotation that is a row of m."""
+    """Return a vector rotated by the inverse of the rotation in a row of m."""
     return wp.vec3f(
         (m[row, 0] * v[0] + m[row, 4] * v[1]) + m[row, 8] * v[2],
         (m[row, 1] * v[0] + m[row, 5] * v[1]) + m[row, 9] * v[2],
@@ -82,7 +82,7 @@ def into_part(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3
 
 @wp.func
 def covered_share(t: wp.float32, width: wp.float32) -> wp.float32:
-    """The share of an interval of that width about t that lies within 0 to 1."""
+    """Return the share of an interval of a given width around t that is within 0 to 1."""
     w = maximum(width, 1.0e-6)
     return clamp01((minimum(t + 0.5 * w, 1.0) - maximum(t - 0.5 * w, 0.0)) / w)
 
@@ -107,7 +107,7 @@ def face_at(
 
 @wp.func
 def patch_point(patches: wp.array[PatchArrays], patch: wp.int32, samples: wp.array[Samples], i: wp.int32) -> PatchPoint:
-    """Where a sample lies on a patch that its surface carries; its coverage is 0 if it does not."""
+    """Return the position of a sample on a patch of its surface; coverage is 0 if it is not on the patch."""
     out = PatchPoint()
     triangle = triangle_of(samples[0].keys[i])
     part = nonnegative(patches[0].vertex_part[nonnegative(patches[0].triangles[triangle][0])])
@@ -128,8 +128,8 @@ def patch_point(patches: wp.array[PatchArrays], patch: wp.int32, samples: wp.arr
     fall = minimum(dot(n, away), -GRAZING * wp.sqrt(dot(away, away)))
     x = into_part(m, part, wp.vec3f(view[0, 0], view[0, 4], view[0, 8]))
     y = into_part(m, part, wp.vec3f(view[0, 1], view[0, 5], view[0, 9]))
-    x = (x - away * (dot(n, x) / fall)) * scale  # the way on the triangle's plane to the pixel on the right
-    y = (y - away * (dot(n, y) / fall)) * scale  # and to the one below
+    x = (x - away * (dot(n, x) / fall)) * scale  # offset on the triangle's plane to the pixel on the right
+    y = (y - away * (dot(n, y) / fall)) * scale  # offset to the pixel below
     right = patches[0].right[f]
     down = patches[0].down[f]
     out.u = dot(here - patches[0].corner[f], right)
@@ -160,7 +160,7 @@ def number_patches(
     patches: wp.array[PatchArrays],
     out_words: wp.array[wp.uint64],
 ):
-    """For each pixel, 1 + the number of the topmost patch that holds its centre's sample; 0 for none."""
+    """Write 1 + the index of the topmost patch at the centre of each pixel; 0 for none."""
     pixel = wp.tid()
     i = nonnegative(starts[pixel])
     surface = samples[0].surfaces[i]

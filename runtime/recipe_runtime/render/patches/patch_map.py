@@ -1,4 +1,4 @@
-"""Which patch each pixel shows, exactly: from the visibility at pixel centres, as all labels."""
+"""The map of patches: the patch that each pixel's centre shows, exact like all labels."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from recipe_runtime.render.sampling.sampler import FrameSamples
 
 
 def patch_map(obs: Observation, points: FrameSamples, patches: DeviceArray, device: str) -> NDArray[np.uint8]:
-    """Number the patches that pixels show.
+    """Return the patch that each pixel shows.
 
     Args:
         obs: The observation of the picture.
-        points: The samples of its plate, one a pixel.
+        points: The samples of the undistorted image, one per pixel.
         patches: A one-element array of `PatchArrays`.
-        device: The device.
+        device: The Warp device.
 
     Returns:
-        uint8 [H, W], 1 + the number of the topmost patch at the pixel's centre; 0 where there is none.
+        uint8 [H, W], 1 + the index of the topmost patch at the pixel's centre; 0 where there is none.
     """
     pixels = points.starts.size
     words = wp.empty(pixels, dtype=wp.uint64, device=device)

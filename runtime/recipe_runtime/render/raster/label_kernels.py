@@ -123,22 +123,22 @@ def count_amodal(
 def project_boxes(
     vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
-    triangle_surface: wp.array[wp.int32],
-    surface_actor: wp.array[wp.int32],
+    vertex_part: wp.array[wp.int32],
+    part_extent: wp.array[wp.int32],
     first_triangle: wp.int32,
     pinhole: Pinhole,
     distortion: Distortion,
     out_extents: wp.array2d[wp.int32],
     out_reach: wp.array2d[wp.int32],
 ):
-    """Widen an actor's unclipped box (1/256 pixels) by the corners of a triangle in front of the near plane.
+    """Widen a moving body's unclipped box (1/256 pixels) by the corners of a triangle in front of the near plane.
 
     `out_reach` also contains the points at which the near plane cuts the triangle: together the boxes contain all of
     its pixels.
     """
     i = first_triangle + wp.tid()
-    actor = surface_actor[triangle_surface[i]]
     t = triangles[i]
+    row = part_extent[vertex_part[t[0]]]
     for n in range(3):
         v = vertices[t[n]]
         z = wp.float64(v[2])
@@ -150,9 +150,9 @@ def project_boxes(
             )
             x = wp.int32(snap(at[0]))
             y = wp.int32(snap(at[1]))
-            widen_box(out_extents, actor, x, y, 0)
+            widen_box(out_extents, row, x, y, 0)
             for m in range(3):
                 behind = vertices[t[m]]
                 if wp.float64(behind[2]) < pinhole.near:
                     c = cut_at_near_plane(v, behind, pinhole)
-                    widen_box(out_reach, actor, wp.int32(c.x), wp.int32(c.y), 0)
+                    widen_box(out_reach, row, wp.int32(c.x), wp.int32(c.y), 0)

@@ -68,7 +68,7 @@ class Observation(FrameLabels):
 def objects_of(
     geometry: Geometry, visible: NDArray[np.int32], amodal: NDArray[np.int32], projected: NDArray[np.int32]
 ) -> tuple[ObjectView, ...]:
-    """Return the actors that would be visible without occlusion, from their extents [A, 5]."""
+    """Return the actors that would be visible without occlusion, from extents [E, 5], the actors' first."""
     views = []
     for index, actor in enumerate(geometry.actors):
         if amodal[index, 0]:

@@ -166,7 +166,7 @@ class Observer:
     def _label(
         self, camera: CameraPlan, keys: DeviceArray, tiles: NDArray[np.int32], labels: Labels
     ) -> NDArray[np.int32]:
-        """Label the tiles' pixels; return the visible extents of the actors within them, [A, 5]."""
+        """Label the tiles' pixels; return the visible extents of the actors within them, [E, 5]."""
         extents = self._extents()
         passes.label_pixels(self._g, self._tiles(tiles), keys, camera, labels, extents, self._device)
         rows: NDArray[np.int32] = extents.numpy()
@@ -175,7 +175,7 @@ class Observer:
     def _amodal(
         self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, tiles: NDArray[np.int32]
     ) -> NDArray[np.int32]:
-        """Return the extents of the actors within the tiles, each without occlusion, [A, 5]."""
+        """Return the extents of the actors within the tiles, each without occlusion, [E, 5]."""
         g, undistorted, extents = self._g, undistorted_camera(camera), self._extents()
         for first in range(0, len(g.actors) if len(tiles) else 0, passes.ACTORS_PER_WORD):
             bits = wp.zeros(undistorted.width * undistorted.height, dtype=wp.uint64, device=self._device)
@@ -186,7 +186,7 @@ class Observer:
         return rows
 
     def _projected(self, camera: CameraPlan, vertices: DeviceArray) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Return the actors' unclipped boxes, and those of the points where the near plane cuts them, each [A, 5]."""
+        """Return the moving bodies' unclipped boxes, and those of their cuts by the near plane, each [E, 5]."""
         extents, reach = self._extents(), self._extents()
         passes.project_boxes(self._g, vertices, camera, extents, reach, self._device)
         return extents.numpy(), reach.numpy()
@@ -199,7 +199,7 @@ class Observer:
 
 
 def _tiles_within(camera: CameraPlan, *boxes: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the tiles that the actors' boxes (1/256 pixels, widened by one pixel) overlap."""
+    """Return the tiles that the moving bodies' boxes (1/256 pixels, widened by one pixel) overlap."""
     low = np.minimum(boxes[0][:, 1:3], boxes[1][:, 1:3]) // 256 - 1
     high = np.maximum(boxes[0][:, 3:5], boxes[1][:, 3:5]) // 256 + 1
     tile = int(label_kernels.TILE)

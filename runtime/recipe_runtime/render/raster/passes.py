@@ -54,8 +54,11 @@ class BinBuffers:
 
 
 def empty_extents(g: Geometry, *shape: int) -> np.ndarray[Any, np.dtype[np.int32]]:
-    """Return extents without a pixel, int32 [*shape, A, 5]: pixel count, and a box x0, y0, x1, y1."""
-    rows = np.zeros((*shape, max(len(g.actors), 1), 5), np.int32)
+    """Return extents without a pixel, int32 [*shape, E, 5]: pixel count, and a box x0, y0, x1, y1.
+
+    The rows are those of `Geometry.part_extent`, the actors' first; one if nothing moves.
+    """
+    rows = np.zeros((*shape, max(g.extent_rows, 1), 5), np.int32)
     rows[..., 1:3], rows[..., 3:5] = _FAR_AWAY, -_FAR_AWAY
     return rows
 
@@ -262,7 +265,10 @@ def project_boxes(
     out_reach: DeviceArray,
     device: str,
 ) -> None:
-    """Widen the actors' unclipped boxes, and those of the points where the near plane cuts them (1/256 pixels)."""
+    """Widen the moving bodies' unclipped boxes, and those of the points where the near plane cuts them.
+
+    Both are in 1/256 pixels.
+    """
     if g.triangle_count > g.static_triangles:
         launch(
             label_kernels.project_boxes,
@@ -270,8 +276,8 @@ def project_boxes(
             device,
             vertices=vertices,
             triangles=g.triangles,
-            triangle_surface=g.triangle_surface,
-            surface_actor=g.surface_actor,
+            vertex_part=g.vertex_part,
+            part_extent=g.part_extent,
             first_triangle=g.static_triangles,
             pinhole=pinhole_of(camera, 1),
             distortion=distortion_of(camera),

@@ -1,1 +1,1 @@
-"""Frames that are rendered again with other textures, and which texels each of their pixels shows."""
+"""Rendering a frame again with other patch textures, and the texels that each pixel shows."""

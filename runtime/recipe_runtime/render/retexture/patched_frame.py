@@ -1,4 +1,4 @@
-"""A frame that is rendered again with other textures on its patches: its patched samples alone are shaded again."""
+"""A frame that can be rendered again with other textures on its patches: only its patched samples are shaded again."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.patches.patch_arrays import texture_of
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.raster.observation import Observation
+from recipe_runtime.render.retexture.lens_map import LensFrame, LensMap, lens_map
 from recipe_runtime.render.retexture.record_kernels import count_taps, record_taps
 from recipe_runtime.render.retexture.recording import record
 from recipe_runtime.render.retexture.relight_kernels import (
@@ -34,26 +35,26 @@ from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]
-_ROUNDING = 2e-5  # by which the coverage of a pixel within a patch may miss 1
+_ROUNDING = 2e-5  # relative rounding error of a gain; a smaller gain is 0
 
 
 @dataclass(frozen=True, eq=False)
 class CameraCurve:
-    """How the camera turns a pixel's light into a level, by pixel of the Q that change."""
+    """The camera's response for each of the Q pixels that change."""
 
-    gain: NDArray[np.float32]  # [Q] of exposure and vignette
-    white: NDArray[np.float32]  # [3]
-    noise: float
-    deviates: NDArray[np.float32]  # [Q, 3]
+    gain: NDArray[np.float32]  # of exposure and vignette, by pixel of the recording
+    white: NDArray[np.float32]  # [3] white balance
+    noise: float  # strength, as in the recipe
+    deviates: NDArray[np.float32]  # [Q, 3] standard normal
     encoded: NDArray[np.float64]  # [LEVELS] the picture's value, 0 to 1, of each linear level, before rounding
-    rounded: Pixels  # [LEVELS]
+    rounded: Pixels  # [LEVELS] the 8-bit value of each linear level
 
 
 @dataclass(frozen=True, eq=False)
 class PatchRows:
-    """A patch in a frame: by slot, radiance = gain * texture + offset, where texture is the linear colour of a sample.
+    """How the radiance of each slot depends on a patch: radiance = gain * texture + offset.
 
-    Slots without the patch have a gain of 0.
+    `texture` is the linear colour of the patch at the slot's sample. Slots without the patch have a gain of 0.
     """
 
     samples: NDArray[np.int32]  # [S] slots that the patch covers
@@ -62,7 +63,13 @@ class PatchRows:
 
 
 class PatchedFrame:
-    """A frame and its patched samples. It does not refer to the renderer's caches, so other frames may follow."""
+    """A frame and its patched samples; independent of the renderer's caches, so the renderer may go on to other frames.
+
+    Attributes:
+        recording: The patched samples.
+        has_post_process: Whether the camera has effects that mix pixels, such as bloom or motion blur.
+        plans: The plans of all patches of the appearance.
+    """
 
     def __init__(
         self,
@@ -76,23 +83,35 @@ class PatchedFrame:
         neighbour: NeighbourFrame | None,
         device: str,
     ) -> None:
-        """Render the frame; arguments are those of `Renderer.shade`."""
+        """Render the frame.
+
+        Args:
+            camera: The camera pass of the scene.
+            images: Loads an image of the plan.
+            obs: The observation of the frame.
+            appearance: The appearance.
+            sensor: Name of the sensor, the key of its noise.
+            frame: Number of the frame.
+            time: Seconds from frame 0.
+            neighbour: The frame that motion blur needs; None without motion blur.
+            device: The Warp device.
+        """
         self.device, self._images, self._pass = device, images, camera
         taken = camera.expose(obs, appearance, sensor, frame, time)
-        self.camera, self._neighbour = obs.camera, neighbour
+        self.camera = obs.camera
         inputs = camera.shading.inputs(taken.undistorted, appearance, taken.light, frame)
         self.recording = record(taken.undistorted, taken, inputs, device)
         self.plans = appearance.patches
         self._textures = {p.name: texture_of(p, frame) for p in appearance.patches}
         self._patches = copy_struct(struct_of(inputs.patches))
-        self._ladders: dict[str, list[NDArray[np.uint32]]] = {}
-        self.has_post_process = needs_post_process(obs.camera, taken.response, neighbour)
-        if self.has_post_process:
+        self._mip_chains: dict[str, list[NDArray[np.uint32]]] = {}
+        self._response, self._record = taken.response, taken.record
+        self._lens_frame: LensFrame | None = None
+        if needs_post_process(obs.camera, taken.response, neighbour):
+            self._lens_frame = LensFrame(taken.undistorted, obs, taken.response, taken.record, neighbour)
             self._hdr = camera.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
         else:
             self._picture = camera.developed(taken, obs.camera)
-        self._seen = (taken.undistorted, obs) if self.has_post_process else None
-        self._response, self._record = taken.response, taken.record
 
     def render(self, textures: Mapping[str, Pixels]) -> Pixels:
         """Return the picture with other textures, uint8 [H, W, 3] sRGB.
@@ -102,12 +121,15 @@ class PatchedFrame:
         """
         shown = self._relit(self._patches_with(textures), self._album(textures))[1]
         rec = self.recording
-        if self._seen is not None:
+        frame = self._lens_frame
+        if frame is not None:
             light = wp.clone(self._hdr)
             if len(rec.pixels):
                 listed = {"listed": rec.listed, "shown": shown, "response": self._record, "out_hdr_image": light}
                 launch(expose_listed, len(rec.pixels), self.device, **listed)
-            out = self._pass.post.finish(light, *self._seen, self._response, self._record, self._neighbour)
+            out = self._pass.post.finish(
+                light, frame.undistorted, frame.seen, frame.response, frame.record, frame.neighbour
+            )
         else:
             out = self._picture
             self._develop(shown, out)
@@ -131,7 +153,7 @@ class PatchedFrame:
             )
 
     def rows(self, patch: str) -> PatchRows:
-        """Return how the light of the slots depends on a patch's texture; other patches show their own."""
+        """Return how the radiance of the slots depends on a patch's texture; other patches keep their textures."""
         number = self._number(patch)
         album = self._album({})
         light = []
@@ -143,13 +165,20 @@ class PatchedFrame:
         of_patch = rec.patches == number
         samples = rec.slots[np.repeat(np.arange(len(rec.slots)), np.diff(rec.firsts))[of_patch]]
         gain = light[1] - light[0]
-        gain[np.abs(gain) < _ROUNDING * light[1]] = 0.0  # below a patch that hides it
+        gain[np.abs(gain) < _ROUNDING * light[1]] = 0.0  # another patch covers it
         return PatchRows(samples, gain, light[0])
 
     def taps(self, patch: str, width: int, height: int) -> RowMatrix:
-        """Return the texels that each of a patch's samples reads, in a texture of a size with all its mip levels.
+        """Return the weights of the texels that each of a patch's samples reads.
 
-        Rows are `PatchRows.samples`; columns are texels, row by row, from the texture itself to its last level.
+        Args:
+            patch: Name of the patch.
+            width: Of its texture, texels.
+            height: Of its texture, texels.
+
+        Returns:
+            A matrix [K, texels]. Rows are `PatchRows.samples`; columns are the texels of all mip levels, finest first,
+            row by row.
         """
         of_patch = np.flatnonzero(self.recording.patches == self._number(patch))
         levels = mip_levels(np.zeros((height, width, 3), np.uint8))
@@ -178,26 +207,40 @@ class PatchedFrame:
         return row_matrix(firsts, out_texels.numpy(), weights.numpy(), texels)
 
     @cached_property
+    def lens(self) -> LensMap | None:
+        """How motion blur and lens make the picture from the HDR image; None for a camera without these effects."""
+        if self._lens_frame is None:
+            return None
+        return lens_map(self._pass.post, self._lens_frame, self._hdr, self.recording.pixels, self.device)
+
+    @property
+    def pixels(self) -> NDArray[np.int32]:
+        """Index, row by row, of each pixel of the picture that changes with a texture."""
+        return self.recording.pixels if self.lens is None else self.lens.pixels
+
+    @cached_property
     def curve(self) -> CameraCurve:
-        """The camera's settings for the pixels that change."""
-        rec, r, device = self.recording, self._record, self.device
-        deviates = wp.empty(max(len(rec.pixels), 1), dtype=wp.vec3f, device=device)
+        """The camera's response for the pixels that change."""
+        r, device, pixels = self._record, self.device, self.pixels
+        deviates = wp.empty(max(len(pixels), 1), dtype=wp.vec3f, device=device)
         tables = self._pass.tables.by_pixel(self._response, self.camera)
         launch(
             pixel_deviates,
-            len(rec.pixels),
+            len(pixels),
             device,
-            pixels=struct_of(rec.listed).pixels,
+            pixels=wp.array(pixels, dtype=wp.int32, device=device),
             key=r.key,
             deviates=tables.deviates,
             out_deviates=deviates,
         )
-        gain = tables.gains.numpy()[rec.pixels] * np.float32(r.exposure)
+        # A lens applies the vignette to its samples, not to the light of the HDR image.
+        changed = self.recording.pixels
+        vignette = tables.gains.numpy()[changed] if self.lens is None else np.ones(len(changed), np.float32)
         return CameraCurve(
-            gain=gain,
+            gain=vignette * np.float32(r.exposure),
             white=np.array(exposure.white(self._response), np.float32),
             noise=float(r.noise),
-            deviates=deviates.numpy()[: len(rec.pixels)],
+            deviates=deviates.numpy()[: len(pixels)],
             encoded=exposure.encoded(int(LEVELS), self._response.gamma),
             rounded=tables.tone.numpy(),
         )
@@ -209,24 +252,25 @@ class PatchedFrame:
         return np.array([streak[0], streak[1], streak[2]], np.float32)
 
     def texture_size(self, patch: str) -> tuple[int, int] | None:
-        """Return width and height of a patch's own image; None for a colour."""
+        """Return width and height of the image that the recipe gives a patch; None for a colour."""
         self._number(patch)
-        ladder = self._ladder(patch)
-        return None if ladder is None else (ladder[0].shape[1], ladder[0].shape[0])
+        levels = self._mip_chain(patch)
+        return None if levels is None else (levels[0].shape[1], levels[0].shape[0])
 
     def _number(self, patch: str) -> int:
         return [plan.name for plan in self.plans].index(patch)
 
-    def _ladder(self, patch: str) -> list[NDArray[np.uint32]] | None:
+    def _mip_chain(self, patch: str) -> list[NDArray[np.uint32]] | None:
+        """Return the mip levels of the image that the recipe gives a patch; None for a colour."""
         texture = self._textures[patch]
         if texture is None:
             return None
-        if patch not in self._ladders:
-            self._ladders[patch] = mip_levels(self._images(texture))
-        return self._ladders[patch]
+        if patch not in self._mip_chains:
+            self._mip_chains[patch] = mip_levels(self._images(texture))
+        return self._mip_chains[patch]
 
     def _relit(self, patches: DeviceArray, album: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-        """Return the radiance of the slots, without and with what wet ground mirrors."""
+        """Return the radiance of the slots, without and with reflections in wet ground."""
         rec, device = self.recording, self.device
         radiance: DeviceArray = wp.array(rec.radiance, dtype=wp.vec3f, device=device)
         shown: DeviceArray = wp.array(rec.shown, dtype=wp.vec3f, device=device)
@@ -250,14 +294,14 @@ class PatchedFrame:
 
     def _album(self, textures: Mapping[str, Pixels]) -> DeviceArray:
         """Return an atlas of the images that patches show, in the order of the patches."""
-        ladders = [
-            mip_levels(textures[p.name]) if p.name in textures else self._ladder(p.name) or [] for p in self.plans
+        chains = [
+            mip_levels(textures[p.name]) if p.name in textures else self._mip_chain(p.name) or [] for p in self.plans
         ]
-        ladders = [ladder for ladder in ladders if ladder]
-        return image_atlas(ladders, [False] * len(ladders), [], self.device)
+        chains = [chain for chain in chains if chain]
+        return image_atlas(chains, [False] * len(chains), [], self.device)
 
     def _images_with(self, textures: Mapping[str, Pixels]) -> NDArray[np.int32]:
-        """Return the number of each patch's image in `_album`, -1 for a colour."""
+        """Return the index of each patch's image in `_album`, -1 for a colour."""
         has = np.array([p.name in textures or self._textures[p.name] is not None for p in self.plans], np.bool_)
         return np.where(has, np.cumsum(has) - 1, -1).astype(np.int32)
 

@@ -1,7 +1,7 @@
-"""What the patched samples of a frame keep, so that they can be shaded again with other textures.
+"""Kernels that record the patched samples of a frame, so that they can be shaded again with other textures.
 
-The same functions as in `shading_kernels` and `reflection_kernels` are evaluated, up to the point at which a texture is
-read; so what follows gives the same bits as shading a sample anew.
+They call the functions of `shading_kernels` and `reflection_kernels` up to the point at which a texture is read.
+`relight_kernels` continues from there, and gives the same bits as shading the samples from the start.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -31,7 +31,7 @@ def count_points(
     patches: wp.array[PatchArrays],
     out_counts: wp.array[wp.int32],
 ):
-    """Write how many patches cover each of the listed samples."""
+    """Write the number of patches that cover each of the listed samples."""
     k = wp.tid()
     i = nonnegative(listed[k])
     surface = samples[0].surfaces[i]
@@ -55,7 +55,7 @@ def record_points(
     out_places: wp.array[wp.vec4f],
     out_codes: wp.array[wp.uint32],
 ):
-    """Write the listed samples' places on the patches that cover them, from the lowest patch to the topmost."""
+    """Write the position of each listed sample on the patches that cover it, from the lowest patch to the topmost."""
     k = wp.tid()
     i = nonnegative(listed[k])
     surface = samples[0].surfaces[i]
@@ -88,7 +88,7 @@ def record_light(
     out_glow: wp.array[wp.vec3f],
     out_light: wp.array[SurfaceLight],
 ):
-    """Write albedo and glow of the listed samples below their patches, and the light on them."""
+    """Write albedo and glow that the listed samples have without patches, and the light on them."""
     k = wp.tid()
     i = nonnegative(listed[k])
     p = samples[0].positions[i]
@@ -125,7 +125,10 @@ def record_mirrors(
     out_sources: wp.array[wp.int32],
     out_limits: wp.array[wp.vec3f],
 ):
-    """Write which sample's light the listed samples of wet ground mirror, and its limit; or -1, and the light."""
+    """Write the sample that each listed sample of wet ground reflects, and the limit of its radiance.
+
+    If the reflected ray leaves the picture, the sample is -1 and the limit is the reflected radiance itself.
+    """
     k = wp.tid()
     i = nonnegative(listed[k])
     gloss = mirror[i][1]
@@ -145,7 +148,7 @@ def count_taps(
     codes: wp.array[wp.uint32],
     out_counts: wp.array[wp.int32],
 ):
-    """Write how many texels of image 0 each place reads, those that it reads twice included."""
+    """Write the number of texels of image 0 that are read for each place; a texel read twice counts twice."""
     k = wp.tid()
     line = tap_line(album, 0, places[k], codes[k])
     out_counts[k] = line.count * wp.where(line.finer > 0.0, 8, 4)

@@ -1,4 +1,4 @@
-"""Recording of a frame's patched samples: their light, their places on patches, and the ground that mirrors them."""
+"""The recording of a frame's patched samples: their light, their positions on patches, and reflections of them."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Numbers = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
-    """Slots of wet ground that mirror a patch, or that are patched; all arrays have one element per slot."""
+    """Slots of wet ground that reflect a patch or are patched; all arrays have one element per slot."""
 
     slots: Numbers
-    shares: NDArray[np.float32]
-    sources: Numbers  # slot whose light is mirrored, -1: `limits` is the light
-    limits: NDArray[np.float32]  # [*, 3]
+    shares: NDArray[np.float32]  # weight of the reflection, 0 to 1
+    sources: Numbers  # slot whose radiance is reflected; -1: `limits` is the reflected radiance
+    limits: NDArray[np.float32]  # [*, 3] maximum of the reflected radiance
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a frame keeps of its patched samples. Slots number the samples of the Q pixels that change.
+    """The patched samples of a frame. The Q pixels that change have N samples, which slots 0 to N - 1 number.
 
     `recorded` and `listed` are one-element arrays of `Recorded` and `PixelSamples`.
     """
@@ -41,11 +41,11 @@ class Recording:
     recorded: DeviceArray
     listed: DeviceArray
     slots: Numbers  # [K] of the patched samples
-    firsts: Numbers  # [K + 1] into their places on patches
-    patches: Numbers  # which patch each place is on
+    firsts: Numbers  # [K + 1] index of each one's first position on a patch
+    patches: Numbers  # patch of each position
     mirrors: Mirrors
-    radiance: NDArray[np.float32]  # [N, 3] by slot, before what wet ground mirrors
-    shown: NDArray[np.float32]  # [N, 3] by slot
+    radiance: NDArray[np.float32]  # [N, 3] by slot, without reflections in wet ground
+    shown: NDArray[np.float32]  # [N, 3] by slot, with them
     pixels: Numbers  # [Q] index in the picture, or in its HDR image
     first_slots: Numbers  # [Q]
     counts: Numbers  # [Q] slots of each pixel
@@ -58,9 +58,9 @@ def record(obs: Observation, taken: ExposedFrame, inputs: ShadingInputs, device:
 
     Args:
         obs: The observation by the undistorted camera.
-        taken: The frame's light.
-        inputs: What its shading read.
-        device: The device.
+        taken: The shaded frame before development.
+        inputs: The inputs of its shading.
+        device: The Warp device.
     """
     samples = struct_array([taken.points.data], device)
     used, pixel_of = _used_samples(taken)
@@ -120,7 +120,7 @@ def _used_samples(taken: ExposedFrame) -> tuple[Numbers, Numbers]:
 
 
 def _ranges(starts: Numbers, counts: Numbers) -> Numbers:
-    """Return the numbers from each start on, as many as its count."""
+    """Return the concatenation of the ranges start .. start + count - 1."""
     before = np.cumsum(counts) - counts
     numbers: Numbers = (np.repeat(starts - before, counts) + np.arange(int(counts.sum()))).astype(np.int32)
     return numbers
@@ -140,7 +140,7 @@ def _recorded(
     firsts: Numbers,
     device: str,
 ) -> Recorded:
-    """Return the light of the patched samples, and their places on patches."""
+    """Return the light of the patched samples, and their positions on patches."""
     count, points, listed = len(patched), int(firsts[-1]), _numbers(patched, device)
     albedo, glow = (wp.empty(count, dtype=wp.vec3f, device=device) for _ in range(2))
     light = wp.empty(count, dtype=SurfaceLight, device=device)
@@ -183,7 +183,7 @@ def _record_light(
     out: tuple[DeviceArray, DeviceArray, DeviceArray],
     device: str,
 ) -> None:
-    """Write albedo and glow of the listed samples below their patches, and the light on them."""
+    """Write albedo and glow that the listed samples have without patches, and the light on them."""
     launch(
         record_light,
         listed.size,
@@ -206,7 +206,7 @@ def _mirrors(
     patched: Numbers,
     device: str,
 ) -> Mirrors:
-    """Return the samples of wet ground, not yet slots, that are patched or mirror a patched sample."""
+    """Return the samples of wet ground that are patched or reflect a patched sample, by sample instead of by slot."""
     wet = used[taken.found.light.mirror.numpy()[used, 0] > 0.0] if taken.light.wet else used[:0]
     sources, limits = np.full(len(wet), -1, np.int32), np.zeros((len(wet), 3), np.float32)
     light = taken.found.light
@@ -234,7 +234,7 @@ def _mirrors(
     is_patched = np.zeros(taken.points.count, np.bool_)
     is_patched[patched] = True
     found = (sources >= 0) & is_patched[sources]
-    # Light that no texture changes is a constant.
+    # Radiance that does not depend on a texture is a constant.
     fixed = (sources >= 0) & ~found
     limits[fixed] = np.minimum(light.radiance.numpy()[sources[fixed]], limits[fixed])
     sources[fixed] = -1

@@ -1,6 +1,6 @@
-"""Patched samples with other textures: their light, what wet ground mirrors of it, and the pixels that show them.
+"""Kernels that shade recorded samples with other textures, and develop the pixels that show them.
 
-Slots number the samples of the pixels that change; `record_kernels` wrote what these kernels read.
+Slots number the samples of the pixels that change. `record_kernels` writes the inputs.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -26,13 +26,13 @@ wp.set_module_options(OPTIONS)
 
 @wp.struct
 class Recorded:
-    """The patched samples, and the places on patches of each, from the lowest patch to the topmost."""
+    """The patched samples, and the positions of each on its patches, from the lowest patch to the topmost."""
 
     slots: wp.array[wp.int32]  # [K]
-    albedo: wp.array[wp.vec3f]  # [K] below the patches
-    glow: wp.array[wp.vec3f]  # [K]
+    albedo: wp.array[wp.vec3f]  # [K] without patches
+    glow: wp.array[wp.vec3f]  # [K] likewise
     light: wp.array[SurfaceLight]  # [K]
-    firsts: wp.array[wp.int32]  # [K + 1] into the rest
+    firsts: wp.array[wp.int32]  # [K + 1] first index of each into the following arrays
     patches: wp.array[wp.int32]
     coverages: wp.array[wp.float32]
     places: wp.array[wp.vec4f]
@@ -41,13 +41,13 @@ class Recorded:
 
 @wp.struct
 class PixelSamples:
-    """The pixels that change, and what the camera develops them from."""
+    """The pixels that change, and the inputs of their development."""
 
     pixels: wp.array[wp.int32]  # [Q] index in the picture
     firsts: wp.array[wp.int32]  # [Q] slot of the first sample
     counts: wp.array[wp.int32]  # [Q]
-    rain: wp.array[wp.int32]  # [Q] cover
-    streak: wp.vec3f
+    rain: wp.array[wp.int32]  # [Q] cover by streaks of rain, 65536 is full
+    streak: wp.vec3f  # radiance of a streak
     weights: wp.array[wp.float32]  # by slot
 
 
@@ -84,7 +84,10 @@ def mirror_again(
     radiance: wp.array[wp.vec3f],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Add to a slot of wet ground the light of its source, at most the limit; the limit itself if that is -1."""
+    """Add the reflection to slots of wet ground: the radiance of the source, at most the limit.
+
+    For a source of -1 the limit itself is the reflected radiance.
+    """
     k = wp.tid()
     slot = nonnegative(slots[k])
     shown = limits[k]
@@ -139,7 +142,7 @@ def expose_listed(
 def pixel_deviates(
     pixels: wp.array[wp.int32], key: wp.uint32, deviates: wp.array[wp.float32], out_deviates: wp.array[wp.vec3f]
 ):
-    """Write the deviates of the noise of pixels, by channel, as `record_levels` draws them."""
+    """Write the normal deviates of the noise of pixels, by channel, as `record_levels` draws them."""
     q = wp.tid()
     h = scramble(wp.uint32(pixels[q]) ^ key)
     out_deviates[q] = wp.vec3f(
@@ -157,7 +160,7 @@ def multiply_rows(
     x: wp.array[wp.vec3d],
     out_y: wp.array[wp.vec3d],
 ):
-    """Multiply a sparse matrix, by rows, with a matrix of three columns; each row is summed in its order."""
+    """Multiply a sparse matrix (CSR) by a matrix of three columns; each row is summed in the order of its entries."""
     row = wp.tid()
     total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
     for e in range(firsts[row], firsts[row + 1]):

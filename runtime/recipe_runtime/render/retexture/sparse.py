@@ -1,4 +1,4 @@
-"""Sparse matrices by rows (CSR) on a device, with their transposes: products in fixed order, without atomics."""
+"""Sparse matrices (CSR) and their transposes on a device: products are summed in fixed order, without atomics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class RowMatrix:
-    """A sparse matrix [R, C]: row r has the entries firsts[r] .. firsts[r + 1] - 1, columns rising."""
+    """A sparse matrix [R, C]: row r has the entries firsts[r] .. firsts[r + 1] - 1, in ascending order of columns."""
 
     firsts: NDArray[np.int32]  # [R + 1]
     columns: NDArray[np.int32]
@@ -30,7 +30,7 @@ class RowMatrix:
         return len(self.firsts) - 1, self.width
 
     def transposed(self) -> RowMatrix:
-        """Return the transpose; it has the same entries."""
+        """Return the transpose."""
         order = np.argsort(self.columns, kind="stable")
         rows = np.repeat(np.arange(self.shape[0], dtype=np.int32), np.diff(self.firsts))
         firsts = np.searchsorted(self.columns[order], np.arange(self.width + 1)).astype(np.int32)
@@ -38,7 +38,16 @@ class RowMatrix:
 
 
 def row_matrix(firsts: NDArray[np.int32], columns: NDArray[np.int32], weights: Values, width: int) -> RowMatrix:
-    """Return a matrix of entries in any order; those of one row and column are added, zeros are left out."""
+    """Return a matrix of entries by row, with columns in any order.
+
+    Entries of the same row and column are added, in their order; zeros are left out.
+
+    Args:
+        firsts: Index of each row's first entry, and the number of entries, int32 [R + 1].
+        columns: Column of each entry.
+        weights: Value of each entry.
+        width: Number of columns.
+    """
     rows = np.repeat(np.arange(len(firsts) - 1, dtype=np.int64), np.diff(firsts))
     places = rows * width + columns
     order = np.argsort(places, kind="stable")
@@ -53,7 +62,7 @@ def row_matrix(firsts: NDArray[np.int32], columns: NDArray[np.int32], weights: V
 
 
 class SparseProduct:
-    """Products with a sparse matrix and with its transpose, on a device."""
+    """Products with a sparse matrix A and with its transpose, on a Warp device."""
 
     def __init__(self, matrix: RowMatrix, device: str) -> None:
         self.matrix, self.transpose = matrix, matrix.transposed()
@@ -81,7 +90,8 @@ class SparseProduct:
 
 
 def _uploaded(matrix: RowMatrix, device: str) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
-    firsts: DeviceArray = wp.array(matrix.firsts, dtype=wp.int32, device=device)
-    columns: DeviceArray = wp.array(matrix.columns, dtype=wp.int32, device=device)
-    weights: DeviceArray = wp.array(matrix.weights, dtype=wp.float64, device=device)
+    copy = device != "cpu"  # on a CPU the arrays share the matrix's memory
+    firsts: DeviceArray = wp.array(matrix.firsts, dtype=wp.int32, device=device, copy=copy)
+    columns: DeviceArray = wp.array(matrix.columns, dtype=wp.int32, device=device, copy=copy)
+    weights: DeviceArray = wp.array(matrix.weights, dtype=wp.float64, device=device, copy=copy)
     return firsts, columns, weights

@@ -38,7 +38,7 @@ class SurfaceKey:
 
 @dataclass(frozen=True)
 class MountedLight:
-    """A light and the part that carries it: 0 is the world, 1 + p the Trace's part p."""
+    """A light and the part that it is mounted on: 0 is the world, 1 + p part p of the Trace."""
 
     part: int
     light: Light
@@ -63,6 +63,7 @@ class Geometry:
     normals: DeviceArray  # vec3f [V]
     uvs: DeviceArray  # vec2f [V]
     vertex_part: DeviceArray  # int32 [V]
+    part_extent: DeviceArray  # int32 [1 + P], the row of each part's body in a table of extents; -1 for the world
     triangles: DeviceArray  # vec3i [T]
     face_normals: DeviceArray  # vec3f [T], in the part's frame
     triangle_surface: DeviceArray  # int32 [T]
@@ -80,6 +81,7 @@ class Geometry:
     part_bounds: NDArray[np.float64]  # [P, 2, 3], each moving part's box in its own frame
     lights: tuple[MountedLight, ...]
     bounds: NDArray[np.float64]  # [2, 3], the static geometry's box in the world
+    extent_rows: int  # moving bodies: the actors, then the traffic lights
     static_vertices: int
     static_triangles: int
     static_chunks: int
@@ -101,7 +103,7 @@ class Geometry:
 
     @cached_property
     def light_parts(self) -> NDArray[np.int64]:
-        """The part that carries each light, [L]; 0 is the world."""
+        """The part that each light is mounted on, [L]; 0 is the world."""
         return np.array([mounted.part for mounted in self.lights], np.int64)
 
 
@@ -134,7 +136,9 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
         for _, mesh in body.parts:
             bounds.append(_box(mesh.vertices))
             packer.add(body, mesh, part=len(bounds), actor=-1)
-    return packer.finish(device, tuple(actors), bounds, still)
+    counts = [len(body.parts) for body in moving + signals]
+    part_extent = np.concatenate([[-1], np.repeat(np.arange(len(counts)), np.array(counts, np.int64))])
+    return packer.finish(device, tuple(actors), bounds, part_extent, still)
 
 
 class _Packer:
@@ -166,7 +170,14 @@ class _Packer:
         self.vertex_count += len(mesh.vertices)
         self.triangle_count += len(mesh.triangles)
 
-    def finish(self, device: str, actors: tuple[Actor, ...], boxes: list[Any], still: tuple[int, int, int]) -> Geometry:
+    def finish(
+        self,
+        device: str,
+        actors: tuple[Actor, ...],
+        boxes: list[Any],
+        part_extent: NDArray[np.int64],
+        still: tuple[int, int, int],
+    ) -> Geometry:
         """Upload all chunks."""
         if self.triangle_count >= MAX_TRIANGLES:
             raise ValueError(f"{self.triangle_count} triangles are more than a scene can hold ({MAX_TRIANGLES})")
@@ -180,11 +191,12 @@ class _Packer:
         }
         keys = tuple(self._surfaces)
 
-        def table(values: list[int]) -> DeviceArray:
+        def table(values: Sequence[int] | NDArray[np.int64]) -> DeviceArray:
             return wp.array(np.array(values, np.int32), dtype=wp.int32, device=device)
 
         return Geometry(
             **arrays,
+            part_extent=table(part_extent),
             surface_actor=table([k.actor for k in keys]),
             surface_instance=table([k.instance for k in keys]),
             surface_tag=table([k.tag for k in keys]),
@@ -194,6 +206,7 @@ class _Packer:
             part_bounds=np.array(boxes, np.float64).reshape(-1, 2, 3),
             lights=tuple(self._lights),
             bounds=_box(columns["vertices"][:static_vertices] if static_vertices else columns["vertices"]),
+            extent_rows=int(part_extent.max()) + 1,
             static_vertices=static_vertices,
             static_triangles=static_triangles,
             static_chunks=static_chunks,

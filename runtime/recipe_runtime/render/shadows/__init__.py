@@ -1,1 +1,1 @@
-"""Shadow maps of the sun: how they are drawn and sampled."""
+"""Shadow maps of the sun and of lamps: drawing and sampling."""

@@ -1,8 +1,9 @@
-"""Shadow maps of lamps: the nearness of the first surface along each ray of a lamp, in perspective.
+"""Shadow maps of lamps: perspective pictures from a lamp that hold the nearness (near / depth) of the first surface.
 
-The maps of the nearest lamps have slots. Lamps of the town come first: each has a map of the static scene, drawn once,
-and one of moving objects, drawn every frame. Then come lamps on moving objects, which have the latter only. Flat ground
-casts no shadow, nor does the object that carries the lamp.
+Each of the lamps nearest to the camera has a slot. The first slots are for lamps of the town: each has a map of the
+static scene, drawn once, and a map of moving objects, drawn every frame. The other slots are for lamps on moving
+objects, which have only a map of moving objects. Flat ground casts no shadow; neither does the object that a lamp is
+mounted on.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -21,11 +22,11 @@ wp.set_module_options(OPTIONS)
 STATIC_SLOTS = wp.constant(6)  # slots of lamps of the town
 MOVING_SLOTS = wp.constant(4)  # slots of lamps on moving objects
 STATIC_SIZE = wp.constant(768)  # texels along the side of a map of a lamp of the town
-MOVING_SIZE = wp.constant(384)  # likewise of a lamp on a moving object, whose cone is narrower
+MOVING_SIZE = wp.constant(384)  # likewise for a lamp on a moving object, whose cone is narrower
 TILE = wp.constant(16)  # texels along the side of a tile, the unit of clearing and bounds
 MAX_TILES = wp.constant(2304)  # tiles of the larger maps
-MIN_LIFT = wp.constant(wp.float32(0.004))  # metres by which a shaded point is moved along its normal, at least
-BIAS = wp.constant(wp.float32(0.01))  # metres towards the lamp, likewise
+MIN_LIFT = wp.constant(wp.float32(0.004))  # metres, minimum normal offset of a shaded point
+BIAS = wp.constant(wp.float32(0.01))  # metres, minimum depth bias towards the lamp
 EXACT_HEIGHT = wp.constant(wp.float32(0.3))  # metres below which level surfaces are ground, which casts no shadow
 
 
@@ -33,20 +34,20 @@ EXACT_HEIGHT = wp.constant(wp.float32(0.3))  # metres below which level surfaces
 class StaticLampMap:
     """A lamp's map of the static scene."""
 
-    keys: wp.array2d[wp.uint64]  # [1, STATIC_SIZE^2], as those of `visibility_kernels`, without the triangle
-    nearest: wp.array2d[wp.uint64]  # [1, MAX_TILES], the maximum key that a filter may read
-    farthest: wp.array2d[wp.uint64]  # [1, MAX_TILES], the minimum
+    keys: wp.array2d[wp.uint64]  # [1, STATIC_SIZE^2], as in `visibility_kernels`, without the triangle
+    nearest: wp.array2d[wp.uint64]  # [1, MAX_TILES], maximum key that a filter may read
+    farthest: wp.array2d[wp.uint64]  # [1, MAX_TILES], minimum key
 
 
 @wp.struct
 class LampMaps:
-    """The maps of the lamps that cast shadows, by slot. A view has x and y across the axis of the lamp, z along it."""
+    """The maps of the lamps that cast shadows, by slot. In a lamp's view, z is along its axis, x and y across it."""
 
     right: wp.array[wp.vec4f]  # x = right . world + offset
     down: wp.array[wp.vec4f]  # y, likewise
     ahead: wp.array[wp.vec4f]  # z, likewise
-    lens: wp.array[wp.vec4f]  # texels per unit of x / z, 0 if the slot is unused; limits of z in metres; unused
-    own: wp.array[wp.vec2f]  # first and last part of the object that carries the lamp, which casts no shadow
+    lens: wp.array[wp.vec4f]  # texels per unit of x / z, 0 if the slot is unused; near and far plane, metres; unused
+    own: wp.array[wp.vec2f]  # first and last part of the object that the lamp is mounted on, which casts no shadow
     fixed: wp.array[StaticLampMap]  # by slot of a lamp of the town
     keys: wp.array2d[wp.uint64]  # [slots, STATIC_SIZE^2], of moving objects
     nearest: wp.array2d[wp.uint64]  # [slots, MAX_TILES]
@@ -75,19 +76,19 @@ def clear_lamp_maps(out_keys: wp.array2d[wp.uint64], out_nearest: wp.array2d[wp.
 
 @wp.func
 def view_coordinates(right: wp.vec4f, down: wp.vec4f, ahead: wp.vec4f, p: wp.vec3f) -> wp.vec3f:
-    """Return a point in the view that has three axes."""
+    """Return the coordinates of a point in the view with the given axes."""
     return wp.vec3f(axis_coordinate(right, p), axis_coordinate(down, p), axis_coordinate(ahead, p))
 
 
 @wp.func
 def view_point(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f) -> wp.vec3f:
-    """Return a point of the world in the view of a lamp."""
+    """Return the coordinates of a world-space point in the view of a lamp."""
     return view_coordinates(maps[0].right[slot], maps[0].down[slot], maps[0].ahead[slot], p)
 
 
 @wp.func
 def axis_in_part(axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32) -> wp.vec4f:
-    """Return an axis of the world in the frame of a part."""
+    """Return a world-space axis in the frame of a part."""
     return wp.vec4f(
         (axis[0] * m[part, 0] + axis[1] * m[part, 4]) + axis[2] * m[part, 8],
         (axis[0] * m[part, 1] + axis[1] * m[part, 5]) + axis[2] * m[part, 9],
@@ -147,14 +148,14 @@ def raise_bounds(
 
 @wp.func
 def nearness_key(q: wp.float64) -> wp.uint64:
-    """Return the largest key of a nearness."""
+    """Return the maximum key of a nearness."""
     return (wp.uint64(wp.int64(wp.min(q, wp.float64(1.0)) * NEARNESS)) << wp.uint64(24)) | wp.uint64(0xFFFFFF)
 
 
 @wp.func
 def between_texels(lens: wp.vec4f, a: wp.float32, b: wp.float32, c: wp.float32) -> bool:
-    """Return whether the coordinates of a triangle's corners, x / z or y / z, lie between the same texels' centres."""
-    # (Maps have an even number of texels: a centre is half a texel beside the axis. 1024 makes the numbers positive.)
+    """Return whether the x / z or y / z of a triangle's corners all lie between the same two adjacent texel centres."""
+    # (Maps have an even number of texels, so texel centres are half a texel off the axis. 1024 makes numbers positive.)
     low = minimum(a, minimum(b, c)) * lens[0] + 1024.498
     high = maximum(a, maximum(b, c)) * lens[0] + 1024.502
     return low >= 0.0 and high < 4096.0 and int(low) == int(high)
@@ -172,7 +173,7 @@ def draw_caster(
 ):
     """Draw a triangle in a lamp's view, front or back face, and raise the bounds of the tiles that it may touch."""
     lens = maps[0].lens[slot]
-    if a[2] > lens[1] and b[2] > lens[1] and c[2] > lens[1]:  # most triangles are small, and cover no texel's centre
+    if a[2] > lens[1] and b[2] > lens[1] and c[2] > lens[1]:  # most triangles are small and cover no texel centre
         ra = 1.0 / a[2]
         rb = 1.0 / b[2]
         rc = 1.0 / c[2]
@@ -199,7 +200,7 @@ def draw_caster(
                 p = piece.c
                 q = piece.b
             fill_triangle(keys[slot], pinhole, piece.a, p, q, wp.uint64(0), wp.uint64(0))
-            # (A filter reads up to two texels aside.)
+            # (A filter reads up to two texels away.)
             left = int(wp.max(wp.min(piece.a.x, wp.min(p.x, q.x)) >> wp.int64(8), wp.int64(0))) - 3
             top = int(wp.max(wp.min(piece.a.y, wp.min(p.y, q.y)) >> wp.int64(8), wp.int64(0))) - 3
             right = int(wp.max(piece.a.x, wp.max(p.x, q.x)) >> wp.int64(8)) + 3
@@ -272,7 +273,7 @@ def bound_static_map(
 def filtered(
     keys: wp.array2d[wp.uint64], row: wp.int32, size: wp.int32, u: wp.float32, v: wp.float32, limit: wp.uint64
 ):
-    """Return the share of a lamp that is visible: nine bilinear taps, so edges are soft."""
+    """Return the share of a lamp that is visible: percentage-closer filtering with nine bilinear taps."""
     i = int(u)
     j = int(v)
     fu = u - wp.float32(i)
@@ -291,16 +292,16 @@ def filtered(
 
 @wp.func
 def texel_at(lens: wp.vec4f, z: wp.float32) -> wp.float32:
-    """Return the size in metres of a map's texel at a distance along the axis of the lamp."""
+    """Return the size of a map's texel, metres, at a depth along the lamp's axis."""
     return maximum(z, lens[1]) / lens[0]
 
 
 @wp.func
 def shadow_point(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f, n: wp.vec3f, to: wp.vec3f) -> wp.vec3f:
-    """Return where a map is read for a point with normal n and unit direction `to` to the lamp, in the lamp's view.
+    """Return the view coordinates at which a map is read for a point with normal n and unit direction `to` to the lamp.
 
-    The filter reaches two texels aside: the more a surface turns from the lamp, the more depth lies between them, and
-    it would shade itself.
+    The point is offset along its normal. The filter reads up to two texels away: on a surface at a grazing angle the
+    depths there differ more, so a larger offset prevents self-shadowing.
     """
     texel = texel_at(maps[0].lens[slot], axis_coordinate(maps[0].ahead[slot], p))
     lift = 0.6 * texel + MIN_LIFT
@@ -312,7 +313,7 @@ def shadow_point(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f, n: wp.ve
 
 @wp.func
 def lamp_visibility(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f, n: wp.vec3f, to: wp.vec3f) -> wp.vec2f:
-    """Return the share of a lamp visible from a point with normal n, and the share that moving objects alone leave.
+    """Return the share of a lamp visible from a point with normal n, and the share that moving objects do not hide.
 
     The latter is 1 where the static scene already hides the lamp.
     """
@@ -343,7 +344,7 @@ def lamp_visibility(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f, n: wp
 
 @wp.func
 def ratio_range(low: wp.float32, high: wp.float32, near: wp.float32, far: wp.float32):
-    """Return the least and the largest x / z for x in low..high and z in near..far, both above 0."""
+    """Return the minimum and maximum of x / z for x in low..high and z in near..far, where near > 0."""
     least = wp.where(low < 0.0, low / near, low / far)
     largest = wp.where(high < 0.0, high / far, high / near)
     return least, largest
@@ -351,7 +352,7 @@ def ratio_range(low: wp.float32, high: wp.float32, near: wp.float32, far: wp.flo
 
 @wp.func
 def box_lit(maps: wp.array[LampMaps], slot: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
-    """Return whether no moving object shadows a point of a box; False also if that would take long to decide."""
+    """Return whether no moving object shadows any point of a box; False also if the test would read too many tiles."""
     lens = maps[0].lens[slot]
     half = (high - low) * 0.5
     c = view_point(maps, slot, (low + high) * 0.5)

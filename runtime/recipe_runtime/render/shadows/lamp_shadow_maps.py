@@ -1,4 +1,4 @@
-"""Shadow maps of lamps, host side: of the static scene once for a lamp, of moving objects every frame."""
+"""Shadow maps of lamps, host side: the static scene is drawn once for each lamp, moving objects every frame."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from recipe_runtime.render.shadows.lamp_slots import MAP_KINDS, MAP_NAMES, SLOTS
 
 _TEXELS = int(kernels.STATIC_SIZE) * int(kernels.STATIC_SIZE)
 _TILES = int(kernels.MAX_TILES)
-_STATIC_CACHE_SIZE = 24  # static maps kept, 5 MB each
-_POOL_SIZE = 4  # sets of moving maps
+_STATIC_CACHE_SIZE = 24  # static maps, 5 MB each
+_POOL_SIZE = 4  # unused sets of moving maps that are kept
 
 
 class MapMemory:
-    """The memory of some maps."""
+    """The texels and tile bounds of some maps."""
 
     def __init__(self, maps: int, device: str) -> None:
         self.keys: DeviceArray = zeros(maps * _TEXELS, wp.uint64, device).reshape((maps, _TEXELS))
@@ -37,7 +37,15 @@ class MapMemory:
         launch(kernels.clear_lamp_maps, tiles, device, out_keys=self.keys, out_nearest=self.nearest)
 
     def draw(self, g: Geometry, maps: DeviceArray, world: DeviceArray, chunks: range, device: str) -> None:
-        """Draw chunks into the maps, which must be clear; `maps` has the views of as many slots."""
+        """Draw chunks into the maps, which must be clear.
+
+        Args:
+            g: The scene.
+            maps: The views of as many slots, a one-element array of `LampMaps`.
+            world: World from part, float32 [1 + P, 12].
+            chunks: Which chunks of the scene are drawn.
+            device: The Warp device.
+        """
         if not len(chunks):
             return
         threads = 1 if device == "cpu" else CHUNK  # a GPU has threads to spare
@@ -74,13 +82,13 @@ class LampShadowMaps:
     def __init__(self, geometry: Geometry, device: str) -> None:
         self._g, self._device = geometry, device
         self._static: OrderedDict[int, StaticLampMap] = OrderedDict()  # by light
-        self._spare: list[MapMemory] = []  # that no observation uses
+        self._spare: list[MapMemory] = []  # not in use by an observation
         self._no_static = MapMemory(1, device).as_static(device)
 
     def draw(self, slots: LampSlots, world: DeviceArray) -> tuple[DeviceArray, MapMemory]:
         """Return the maps of a frame, a one-element array of `LampMaps`, and the memory to give back after use.
 
-        `world` leads from the parts to the world, float32 [1 + P, 12].
+        `world` is world from part, float32 [1 + P, 12].
         """
         memory = self._spare.pop() if self._spare else MapMemory(SLOTS, self._device)
         memory.clear(self._device)
@@ -96,7 +104,7 @@ class LampShadowMaps:
             self._spare.append(memory)
 
     def static_maps(self, slots: LampSlots) -> list[StaticLampMap]:
-        """Return the maps of the static scene of a frame's lamps of the town, by slot."""
+        """Return the static-scene maps of a frame's lamps of the town, by slot."""
         found = []
         for slot in range(STATIC_SLOTS):
             used = float(slots.weights[slot]) > 0.0
@@ -122,13 +130,19 @@ class LampShadowMaps:
 
 
 def maps_of(columns: Sequence[DeviceArray], static: DeviceArray, memory: MapMemory) -> LampMaps:
-    """Return the struct of maps whose columns are on the device; `static` is an array of `StaticLampMap`, by slot."""
+    """Return the struct of some maps.
+
+    Args:
+        columns: The fields `MAP_NAMES`, on the device.
+        static: The static maps, an array of `StaticLampMap` by slot.
+        memory: The moving maps.
+    """
     named = dict(zip(MAP_NAMES, columns, strict=True))
     return set_fields(LampMaps(), **named, fixed=static, keys=memory.keys, nearest=memory.nearest)
 
 
 def no_maps(device: str) -> DeviceArray:
-    """Return the maps of no lamps, which nothing reads, a one-element array of `LampMaps`."""
+    """Return placeholder maps for a scene without lamps, a one-element array of `LampMaps`."""
     columns = [wp.zeros(1, dtype=kind, device=device) for kind in MAP_KINDS]
     keys, nearest = (wp.zeros((1, 1), dtype=wp.uint64, device=device) for _ in range(2))
     empty = set_fields(StaticLampMap(), keys=keys, nearest=nearest, farthest=nearest)

@@ -1,7 +1,7 @@
-"""The lamps that cast shadows in a frame: the nearest ones to what the camera looks at, and the views of their maps.
+"""The choice of the lamps that cast shadows in a frame, those nearest to what the camera sees, and their map views.
 
-The choice depends only on the scene, the pose of the camera and those of the parts. A lamp's shadow fades out before
-the lamp loses its slot.
+The choice depends only on the scene and the poses of camera and parts. A lamp's shadow fades out before the lamp loses
+its slot.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ STATIC_SLOTS, MOVING_SLOTS = int(kernels.STATIC_SLOTS), int(kernels.MOVING_SLOTS
 SLOTS = STATIC_SLOTS + MOVING_SLOTS
 MAP_NAMES = ("right", "down", "ahead", "lens", "own")
 MAP_KINDS = (wp.vec4f, wp.vec4f, wp.vec4f, wp.vec4f, wp.vec2f)
-_AHEAD = 12.0  # metres from the eye to the point from which distances are measured
-_STATIC_END = 60.0  # metres from there at which the shadows of the town's lamps have faded out
+_AHEAD = 12.0  # metres from the camera to the point ahead of it from which distances are measured
+_STATIC_END = 60.0  # metres from that point at which the shadows of the town's lamps have faded out
 _MOVING_END = 45.0  # metres, likewise for lamps on moving objects
 _FADE = 0.25  # share of that distance over which they fade
-_MIN_COSINE = 0.33  # of a map's half angle, 71 degrees: light of wider cones has no shadow beyond, where it is weak
-_NEAR = 0.3  # metres from a lamp at which what stands before it begins to cast a shadow
+_MIN_COSINE = 0.33  # of a map's half angle, at most 71 degrees; the weak light of wider cones beyond has no shadows
+_NEAR = 0.3  # metres, near plane: nearer surfaces cast no shadow
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class LampSlots:
     columns: tuple[Array, ...]  # by `MAP_NAMES`, [..., SLOTS, 2 or 4]
 
     def by_frame(self) -> list[LampSlots]:
-        """Return the slots of each frame, of those of many frames."""
+        """Return the slots of each frame; the first axis must be frames."""
         count = len(self.lights)
         return [LampSlots(self.lights[n], self.weights[n], tuple(c[n] for c in self.columns)) for n in range(count)]
 
@@ -48,8 +48,8 @@ def assign_slots(geometry: Geometry, position: Array, direction: Array, reach: A
     Args:
         geometry: The scene.
         position: Of its lights, metres in world space, [..., L, 3].
-        direction: Likewise, unit vectors.
-        reach: Metres, [L].
+        direction: Of its lights, unit vectors in world space, [..., L, 3].
+        reach: Of its lights, metres, [L].
         pose: World from sensor (x forward), [..., 3, 4].
     """
     if not geometry.lights:
@@ -66,18 +66,18 @@ def assign_slots(geometry: Geometry, position: Array, direction: Array, reach: A
     axes = [np.concatenate([axis, -_along(axis, at)], axis=-1) for axis in (right, down, aim)]
     cosine = np.maximum(geometry.light_rows[:, 10][lights], _MIN_COSINE)
     tangent = np.sqrt(1.0 - cosine * cosine) / cosine
-    # (Six texels at the rim are for the filter.)
+    # (A border of six texels is for the filter.)
     size = np.repeat([float(int(kernels.STATIC_SIZE)), float(int(kernels.MOVING_SIZE))], [STATIC_SLOTS, MOVING_SLOTS])
     texels = np.where(weights > 0.0, (size / 2.0 - 6.0) / tangent, 0.0)
     lens = np.stack([texels, np.full_like(texels, _NEAR), reach[lights], np.zeros_like(texels)], axis=-1)
-    return LampSlots(lights, weights, (*axes, lens, _carriers(geometry)[lights]))
+    return LampSlots(lights, weights, (*axes, lens, _mounted_on(geometry)[lights]))
 
 
 def shadow_column(slots: LampSlots, count: int) -> Array:
     """Return the slot and the weight of each of `count` lights, [..., L, 2]."""
     shape = slots.weights.shape[:-1]
     numbers, weights = np.zeros((*shape, count)), np.zeros((*shape, count))
-    # (An unused slot names light 0, which may have another: used slots are written last.)
+    # (Unused slots refer to light 0, which may have a slot of its own, so used slots are written last.)
     order = np.argsort(slots.weights, axis=-1, kind="stable")
     lights = np.take_along_axis(slots.lights, order, axis=-1)
     np.put_along_axis(numbers, lights, order.astype(np.float64), axis=-1)
@@ -86,7 +86,7 @@ def shadow_column(slots: LampSlots, count: int) -> Array:
 
 
 def _nearest(distance: Array, members: NDArray[np.int64], slots: int, end: float) -> tuple[NDArray[np.int64], Array]:
-    """Return the nearest of some lights [..., slots] and their weights, which are 0 at the distance of the next."""
+    """Return the nearest of some lights, [..., slots], and their weights, which reach 0 at the distance of the next."""
     shape, count = distance.shape[:-1], min(slots, len(members))
     lights, weights = np.zeros((*shape, slots), np.int64), np.zeros((*shape, slots))
     if count:
@@ -105,8 +105,8 @@ def _no_slots(shape: tuple[int, ...]) -> LampSlots:
     return LampSlots(np.zeros((*shape, SLOTS), np.int64), np.zeros((*shape, SLOTS)), columns)
 
 
-def _carriers(geometry: Geometry) -> Array:
-    """Return the first and the last part of the object that carries each light, [L, 2]; -1 and -2 for the town."""
+def _mounted_on(geometry: Geometry) -> Array:
+    """Return the first and last part of the object that each light is mounted on, [L, 2]; -1 and -2 for the town."""
     rows = np.tile([-1.0, -2.0], (len(geometry.lights), 1))
     for actor in geometry.actors:
         first = 1 + actor.first_part
@@ -116,7 +116,7 @@ def _carriers(geometry: Geometry) -> Array:
 
 
 def _across(aim: Array) -> tuple[Array, Array]:
-    """Return two unit vectors across a direction [..., 3] and each other."""
+    """Return two unit vectors orthogonal to a direction [..., 3] and to each other, right and down."""
     x, y, z = aim[..., 0], aim[..., 1], aim[..., 2]
     flat = np.sqrt(x * x + y * y)
     level, one = flat > 1e-3, np.maximum(flat, 1e-3)

@@ -1,1 +1,1 @@
-"""What a vehicle can do: its kind, its steering, and how it stands on the ground."""
+"""Vehicle dynamics: limits by kind of vehicle, steering, and the pose on the ground."""

@@ -31,7 +31,7 @@ class Suspension:
     def on_ground(
         cls, wheels: Wheels, ground: Ground, place: tuple[float, float], heading: tuple[float, float]
     ) -> Suspension:
-        """A chassis that stands on the ground."""
+        """Return a chassis that rests on the ground."""
         return cls(wheels, _ground_heights(wheels, ground, place, heading))
 
     def moved(

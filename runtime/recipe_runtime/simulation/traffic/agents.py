@@ -1,4 +1,4 @@
-"""What drivers see of other agents."""
+"""The attributes of other agents that drivers read."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Vehicle(Body, Protocol):
 
     @property
     def halted(self) -> bool:
-        """Whether it stands because of a collision."""
+        """Whether it is stopped because of a collision."""
 
     @property
     def driver(self) -> Driver:

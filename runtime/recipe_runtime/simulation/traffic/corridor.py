@@ -1,6 +1,6 @@
-"""What lies in the way: the agents in the corridor that a vehicle's path sweeps, bends included.
+"""Obstacles ahead: the agents in the corridor that a vehicle sweeps along its path.
 
-While a vehicle moves sideways, its corridor leads from where it is to the offset that it wants.
+While a vehicle changes its offset, its corridor leads from the current to the desired offset.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from recipe_runtime.simulation.path import Leg, nearest_on
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
-SIDESTEP, SIDESTEP_SLOPE = 1.0, 0.3  # sideways speed of a lane change: m/s, and as a share of the speed
-CLEARANCE = 0.3  # metres to both sides of a moving vehicle
-_TIGHT, _TOUCHING = 0.05, -0.1  # the same beside what its front has reached, and beside what its front is past
-_LONG = 2.9  # metres; longer halves are looked at in three pieces
-_PERSON = 0.55  # metres to both sides of a pedestrian
-_SURE, _LAG = 0.85, 2.0  # share of the sideways speed that is relied on, after so many metres
-_FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
-_STEP = 1.2  # the same for one who is about to step onto it
-_ROADSIDE = 6.0  # metres beside a corridor within which pedestrians matter
-_BEFORE_CROSSING, _PACE = 1.2, 1.6  # metres to stop before the middle of a crossing; m/s of who walks over it
-_KIND = 2.5  # m/s2 of braking for one who is not yet on the road
+SIDESTEP, SIDESTEP_SLOPE = 1.0, 0.3  # maximum lateral speed: m/s, and relative to the speed
+CLEARANCE = 0.3  # metres on both sides of a moving vehicle
+_TIGHT, _TOUCHING = 0.05, -0.1  # likewise for obstacles level with its front, and behind its front
+_LONG = 2.9  # metres; bodies with a larger half length are tested in three pieces
+_PERSON = 0.55  # metres on both sides of a pedestrian
+_SURE, _LAG = 0.85, 2.0  # share of the lateral speed that is assumed, after so many metres
+_FORESIGHT = 2.5  # seconds for which the motion of a pedestrian on the road is predicted
+_STEP = 1.2  # likewise for a pedestrian about to step onto the road
+_ROADSIDE = 6.0  # metres beside a corridor within which pedestrians are considered
+_BEFORE_CROSSING, _PACE = 1.2, 1.6  # metres to stop before the middle of a crossing; m/s of a crossing pedestrian
+_KIND = 2.5  # m/s2, maximum braking for a pedestrian who is not yet on the road
 
 
 @dataclass(slots=True)
@@ -36,8 +36,8 @@ class Corridor:
     length: float  # metres ahead of its front
     radius: float  # half its width
     offset: float  # metres to the left of the path
-    target: float  # the offset that it wants
-    base: float  # the offset that it has in its lane
+    target: float  # desired offset
+    base: float  # offset of its lane
     slope: float  # metres to the side for each metre ahead
     speed: float  # of the vehicle
     open_end: bool  # whether the last leg is the path's last
@@ -45,13 +45,13 @@ class Corridor:
 
     @classmethod
     def of(cls, vehicle: Vehicle, length: float, target: float, roads: RoadMap) -> Corridor:
-        """Return the strip that a vehicle covers on its way to an offset."""
+        """Return the strip that a vehicle covers while it moves to an offset."""
         path, start, speed = vehicle.path, vehicle.progress, vehicle.speed
         end = start + vehicle.reach + length
         legs, open_end = path.window(start - 2.0, end), end >= path.length
         slope = _SURE * min(SIDESTEP_SLOPE, SIDESTEP / max(speed, 0.1))
         base = vehicle.driver.base_offset
-        in_lane = target == base == vehicle.driver.line  # then its offset is due to bends
+        in_lane = target == base == vehicle.driver.line  # then any offset is due to bends
         offsets = (base if in_lane else vehicle.offset, target, base)
         return cls(legs, start, vehicle.reach, length, vehicle.radius, *offsets, slope, speed, open_end, roads)
 
@@ -68,7 +68,7 @@ class Corridor:
 
 @dataclass(slots=True)
 class Obstacle:
-    """Somebody in a corridor."""
+    """An agent in a corridor."""
 
     body: Body
     gap: float  # metres from the vehicle's front to its nearest part, along the path
@@ -102,7 +102,7 @@ def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
 
 
 def _bounds(c: Corridor) -> tuple[float, float, float, float]:
-    """Return the box of a corridor: least x, least y, greatest x, greatest y."""
+    """Return the bounding box of a corridor: minimum x and y, maximum x and y."""
     end = c.start + c.reach + c.length
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
@@ -152,7 +152,7 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
 
 
 def _person(c: Corridor, body: Body) -> Obstacle | None:
-    """Return a pedestrian who is in the corridor, or will step into it before the vehicle has passed."""
+    """Return a pedestrian who is in the corridor, or is predicted to enter it before the vehicle has passed."""
     metres, aside = nearest_on(c.legs, body.x, body.y, False, c.open_end)
     gap = metres - c.start - c.reach - body.radius
     if metres <= c.start or gap > c.length:
@@ -180,7 +180,7 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
 def _crossing(c: Corridor, body: Body) -> Obstacle | None:
     """Return a pedestrian who crosses the path with right of way, as an obstacle before the crossing.
 
-    None once the vehicle can pass before, has passed, or cannot stop with comfort.
+    None if the vehicle can pass first, has passed, or cannot stop comfortably.
     """
     way: tuple[float, float, float, float] | None = getattr(body, "crossing", None)
     if way is None:
@@ -207,5 +207,5 @@ def _crossing(c: Corridor, body: Body) -> Obstacle | None:
 
 
 def _room(gap: float, usual: float) -> float:
-    """Return the metres to keep to the side of a body; less where the front is level with it, or past it."""
+    """Return the lateral clearance to a body, metres; less if the vehicle's front is level with it or past it."""
     return usual if gap > 0.3 else _TIGHT if gap > -0.6 else _TOUCHING

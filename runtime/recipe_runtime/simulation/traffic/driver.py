@@ -1,8 +1,9 @@
 """A vehicle's driver: chooses acceleration and lateral offset ten times a second.
 
-Speed: the least of the driver's own speed, the limit of the road, and what bends ahead allow. Leaders: `following` on
-what lies in the `corridor`. Stop lines: `junctions`. Lanes: `lane_change` on roads with several lanes, `overtaking`
-over the oncoming lane of streets. After a collision, or too near to what it passes: `reversing`.
+The speed is the minimum of the driver's own speed, the limit of the road, and the limit of bends ahead. `following`
+keeps the distance to obstacles in the `corridor`. `junctions` controls stop lines. `lane_change` chooses lanes on roads
+with several, `overtaking` uses the oncoming lane of streets. `reversing` applies after a collision, or if the vehicle
+is too near to an obstacle to pass it.
 """
 
 from __future__ import annotations
@@ -33,40 +34,40 @@ from recipe_runtime.simulation.traffic.reversing import Reversing, Situation
 from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
 from recipe_runtime.simulation.traffic.standing_props import PropsNearby, StandingProp
 
-_LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2 in bends, and before lower speeds
+_LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2: lateral acceleration in bends, and braking before lower speed limits
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
-_AT_LINE = 0.7  # metres between the front and the place where one waits
-_FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
-_SLACK = 0.5  # metres by which queues may stay longer than they must
-_RETURN = 6.0  # metres more before somebody who overtakes and comes closer: to return into the lane
-_PASSING = 1.5  # m/s of a vehicle that crosses, from which it counts as about to be gone
-_PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
-_LONG = 3.2  # half length from which the swing of the body counts
-_IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
-_LANE_TICKS = 8  # decisions between two looks at other lanes
+_AT_LINE = 0.7  # metres between the front and the waiting position
+_FIRM = 4.0  # m/s2, maximum braking to stop at the waiting position instead of at the painted line behind it
+_SLACK = 0.5  # metres by which queues may be longer than necessary
+_RETURN = 6.0  # additional gap to an oncoming overtaking vehicle, metres, so that it can return to its lane
+_PASSING = 1.5  # m/s from which a crossing vehicle is expected to clear the way
+_PULL_OUT = 11.0  # additional gap behind a stationary obstacle, metres, from which a vehicle can pass it
+_LONG = 3.2  # half length, metres, from which the tail swing of the body is considered
+_IDLE_TICKS = 20  # decisions to accelerate without moving after which it is stalled, for example by a crash
+_LANE_TICKS = 8  # decisions between two checks of other lanes
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a driver wants of the vehicle."""
+    """A driver's command to its vehicle."""
 
     acceleration: float  # m/s2 along the path
     offset: float  # metres to the left of the path
-    reverse: bool = False  # drive backwards instead, slowly
+    reverse: bool = False  # reverse slowly instead
 
 
 class Driver:
     """The driver of one vehicle.
 
     Attributes:
-        style: How it follows others.
-        passage: Where it stands with the junctions on its path.
-        offset: The offset that it wants now, metres to the left of its path.
-        line: The offset to which the vehicle should have come by now.
-        desired: The speed that it would have on a free road, m/s.
+        style: Its parameters of car following.
+        passage: Its state at the junctions on its path.
+        offset: Its desired offset, metres to the left of its path.
+        line: The offset that the vehicle should have reached by now.
+        desired: Its desired speed on a free road, m/s.
         waiting: Whether it waits at a stop line, or will have to.
-        horizon: The neighbours that it needs are within so many metres.
-        stalled: Whether it stands for a reason of its own: not in a queue, at a line or for somebody.
+        horizon: Metres within which it needs to know its neighbours.
+        stalled: Whether it is stationary for a reason of its own: not in a queue, at a stop line or for another agent.
     """
 
     def __init__(
@@ -94,11 +95,11 @@ class Driver:
         return self._lanes is None and max(self.offset, self.line) > self.base_offset + 0.3
 
     def arrived(self, vehicle: Vehicle) -> bool:
-        """Return whether the vehicle stands at the end of its path for good."""
+        """Return whether the vehicle has reached the end of its path and stays there."""
         return self.actor.entry is None and vehicle.progress > vehicle.path.length - 1.5
 
     def decide(self, vehicle: Vehicle, neighbours: Sequence[Body], seconds: float) -> Command:
-        """Return what the vehicle should do until the next decision.
+        """Return the command until the next decision.
 
         Args:
             vehicle: The vehicle.
@@ -142,7 +143,7 @@ class Driver:
         return Command(max(-HARDEST_BRAKING, wish), self.offset, reverse)
 
     def _drives_back(self, vehicle: Vehicle, neighbours: Sequence[Body], situation: Situation, seconds: float) -> bool:
-        """Return whether a vehicle that stands, or drives backwards already, drives backwards now."""
+        """Return whether a vehicle that is stationary or reversing reverses now."""
         situation.overtakes = self._lanes is None and self.offset > self.base_offset + 0.3
         return self._reversing.decide(vehicle, neighbours, situation, seconds)
 
@@ -159,12 +160,12 @@ class Driver:
         self.horizon = max(60.0, min(200.0, 5.0 * fastest + 30.0))
 
     def _desired(self, vehicle: Vehicle) -> float:
-        """Return the speed for a free road, a little ahead of the vehicle."""
+        """Return the desired speed on a free road, slightly ahead of the vehicle."""
         at = int(vehicle.progress + 0.3 * vehicle.speed)
         return min(self.actor.speed, self._profile[max(0, min(at, len(self._profile) - 1))])
 
     def _distance_to_line(self, vehicle: Vehicle) -> float:
-        """Return the metres from the front to where the vehicle must wait; infinity if it need not."""
+        """Return the metres from the front to the waiting position; infinity if it need not wait."""
         crossing = self.passage.next
         if crossing is None or self.passage.granted:
             return math.inf
@@ -177,7 +178,7 @@ class Driver:
         """Return the acceleration that stops at the line."""
         if line > 80.0:
             return free
-        if line <= _AT_LINE:  # beyond the waiting place, but not over the painted line
+        if line <= _AT_LINE:  # beyond the waiting position, but not over the painted line
             return -3.0 if vehicle.speed > 0.0 else 0.0
         return following_acceleration(vehicle.speed, free, line, 0.0, self.style, _AT_LINE)
 
@@ -191,7 +192,7 @@ class Driver:
         return following_acceleration(vehicle.speed, free, left, 0.0, self.style, 0.5)
 
     def _corridor(self, vehicle: Vehicle, line: float) -> Corridor:
-        """Return the strip in which others matter."""
+        """Return the strip ahead in which obstacles are considered."""
         speed = vehicle.speed
         length = _PULL_OUT + 5.0 + 2.0 * speed + stopping_distance(speed, 2.2)
         crossing = self.passage.next
@@ -202,7 +203,7 @@ class Driver:
         return Corridor.of(vehicle, min(length, self.horizon - 5.0), self.offset, self._map)
 
     def _swung_at(self, vehicle: Vehicle, neighbours: Sequence[Body], found: list[Obstacle]) -> list[Obstacle]:
-        """Return the vehicles at which a long body would swing in the junction that it is in."""
+        """Return the vehicles that the swinging tail of a long body would touch in its current junction."""
         passage = self.passage
         if not passage.inside:
             return []
@@ -220,14 +221,14 @@ class Driver:
         return more
 
     def _spare(self, vehicle: Vehicle, obstacle: Obstacle) -> float:
-        """Return the metres to keep beyond the usual ones: enough to pull out behind what stays where it is."""
+        """Return the additional gap to keep to an obstacle, metres: enough to pull out behind a stalled one."""
         if obstacle.person or self._lanes is not None or abs(obstacle.speed) > 0.2 or not is_stalled(obstacle.body):
             return 0.0
         room = obstacle.gap - self.style.gap - stopping_distance(vehicle.speed, _FIRM)
         return max(0.0, min(_PULL_OUT, room))
 
     def _note_room(self, vehicle: Vehicle, found: Sequence[Obstacle], line: float) -> None:
-        """Store how far the front may go before it stands behind somebody."""
+        """Store how far the front may go before it has to stop behind another agent."""
         room = solid = math.inf
         for obstacle in found:
             here, body = max(0.0, obstacle.gap - self.style.gap - _SLACK), obstacle.body
@@ -236,7 +237,7 @@ class Driver:
                 if obstacle.along > 0.3:
                     here += max(0.0, driver.passage.extent)
                 elif body.speed > _PASSING and (obstacle.along > -0.7 or driver.passage.inside):
-                    continue  # it crosses or turns, and will be gone
+                    continue  # it crosses or turns, and will clear the way
             room = min(room, here)
             solid = solid if obstacle.person else min(solid, here)
         self.passage.room, self.passage.solid_room = room, solid

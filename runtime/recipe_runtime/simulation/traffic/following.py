@@ -1,10 +1,10 @@
-"""Car following: the Intelligent Driver Model, and its extension for gaps that become small at once.
+"""Car following: the Intelligent Driver Model, and its extension for cut-ins.
 
 Sources: M. Treiber, A. Hennecke, D. Helbing, "Congested traffic states in empirical observations and microscopic
 simulations", Physical Review E 62 (2000); A. Kesting, M. Treiber, D. Helbing, "Enhanced intelligent driver model to
 access the impact of driving strategies on traffic capacity", Philosophical Transactions of the Royal Society A 368
-(2010), for cut-ins, where the model alone brakes harder than needed. Two changes: above the desired speed the braking
-is proportional to the excess, so that a lower speed limit does not brake hard; and x / (1 + |x|) stands for tanh.
+(2010), for cut-ins, where the original model brakes harder than needed. Two changes: above the desired speed, braking
+is proportional to the excess, so that a lower speed limit does not cause hard braking; and x / (1 + |x|) replaces tanh.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from recipe_runtime.body.skeleton import BICYCLE, BUS, MOTORCYCLE, TRUCK
 
 HARDEST_BRAKING = 8.0  # m/s2
-COOLNESS = 0.95  # share of the calmer model where the two differ
+COOLNESS = 0.95  # coolness factor c of the extended model
 _CORRECTION, _MAX_CORRECTION = 1.6, 3.0  # 1/s and m/s2, above the desired speed
 
 
@@ -26,7 +26,7 @@ class Style:
 
     acceleration: float  # m/s2, from standstill
     braking: float  # m/s2, comfortable
-    headway: float  # seconds to the leader
+    headway: float  # desired time gap to the leader, seconds
     gap: float  # metres to the leader at standstill
 
     @property
@@ -45,7 +45,7 @@ _STYLES = {
 
 
 def style_of(shape: Mapping[str, float]) -> Style:
-    """Return the driving style of a vehicle with that shape."""
+    """Return the driving style of a vehicle with a shape."""
     return _STYLES.get(int(shape["body"]), _CAR)
 
 
@@ -61,13 +61,13 @@ def free_acceleration(speed: float, desired: float, style: Style) -> float:
 
 
 def idm(speed: float, free: float, gap: float, leader_speed: float, style: Style, standstill: float) -> float:
-    """Return the model's acceleration behind a leader, m/s2, never below the hardest braking.
+    """Return the model's acceleration behind a leader, m/s2, at least -`HARDEST_BRAKING`.
 
     Args:
-        speed: Own speed, m/s.
-        free: The acceleration on a free road.
-        gap: Metres from the own front to the leader.
-        leader_speed: The leader's speed along the own path; negative if it comes closer.
+        speed: The vehicle's speed, m/s.
+        free: The acceleration on a free road, m/s2.
+        gap: Metres from the vehicle's front to the leader.
+        leader_speed: The leader's speed along the vehicle's path, m/s; negative if it is oncoming.
         style: The parameters of the model.
         standstill: Metres to keep at standstill.
     """
@@ -81,7 +81,7 @@ def idm(speed: float, free: float, gap: float, leader_speed: float, style: Style
 def following_acceleration(
     speed: float, free: float, gap: float, leader_speed: float, style: Style, standstill: float
 ) -> float:
-    """Return the acceleration behind a leader, m/s2: `idm`, but not much below what keeps the speeds' difference safe.
+    """Return the acceleration behind a leader, m/s2: `idm`, limited near the braking that the closing speed requires.
 
     The arguments are those of `idm`.
     """
@@ -98,5 +98,5 @@ def following_acceleration(
 
 
 def stopping_distance(speed: float, braking: float) -> float:
-    """Return the metres that a stop with that braking takes."""
+    """Return the metres that a stop takes, with speed in m/s and braking in m/s2."""
     return 0.5 * speed * speed / braking

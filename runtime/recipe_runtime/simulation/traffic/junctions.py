@@ -1,18 +1,18 @@
-"""Right of way at junctions: who may enter, and when.
+"""Right of way at junctions: which vehicle may enter, and when.
 
-A vehicle enters a junction only with permission, which it holds until its rear has left. Permission goes to the first
-vehicle of each lane, in order of arrival, under these conditions:
+A vehicle enters a junction only with permission, which it holds until its rear has left. Permission is granted to the
+first vehicle of each lane, in order of arrival, under these conditions:
 
-- its light is green, or amber and a comfortable stop is no longer possible; at a stop sign it has stood;
-- its swept path meets none of a vehicle that holds permission, beyond the place where that one is already past;
-- its swept path touches nobody who has lost permission and stands beyond the place where one waits;
-- there is room for it behind the junction, so that it will not stand inside;
-- nobody who overtakes comes towards it on the road that it would enter;
+- its light is green, or amber and a comfortable stop is no longer possible; at a stop sign it has stopped;
+- its swept path does not intersect the remaining swept path of a vehicle with permission;
+- its swept path touches no vehicle without permission that stands beyond its waiting position;
+- there is room for it behind the junction, so that it will not have to stop inside;
+- no overtaking vehicle is oncoming on the road that it would enter;
 - no vehicle with priority arrives before it has passed (gap acceptance): priority roads go before stop signs, oncoming
-  traffic before left turns, and without signs who comes from the right goes first if both arrive together;
-- nobody else has waited too long. Who has, goes next: the others still stand or can stop.
+  traffic before left turns, and without signs the vehicle from the right first if both arrive at the same time;
+- no other vehicle has waited too long; one that has goes next, and the others are stationary or can stop.
 
-Permission is given back by a vehicle that stands before its stop line and cannot go.
+A vehicle that stands before its stop line and cannot go returns its permission.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from recipe_runtime.simulation.traffic.passage import Crossing, Passage, decisio
 from recipe_runtime.simulation.traffic.road_map import DIRECTIONS, RoadMap
 from recipe_runtime.simulation.traffic.swept_path import MARGIN, Movement, Overlap, sweep
 
-PATIENCE, PATIENCE_AT_LIGHTS = 20.0, 12.0  # seconds of waiting, while the light allows going, until others yield
+PATIENCE, PATIENCE_AT_LIGHTS = 20.0, 12.0  # seconds of waiting, while the light is not red, until others yield
 _IN_SIGHT = 60.0  # metres before the stop line within which vehicles count as approaching
-EMERGING = 90.0  # metres before it within which those who overtake and those who leave the junction exclude each other
+EMERGING = 90.0  # metres before it within which overtaking and leaving the junction are mutually exclusive
 _COMFORTABLE, _FIRM = 2.0, 3.0  # m/s2
 _GIVES_UP = 2.0  # seconds that a vehicle with permission may stand before the line
-_SAFETY = 0.7  # seconds between two vehicles at one place
+_SAFETY = 0.7  # seconds between two vehicles at the same point
 _LANE = (0.3, 2.7)  # metres to the right of a road's axis that a waiting vehicle covers
 _MAX_SETBACK = 8.0  # metres
-_BEYOND = 0.5  # metres past its waiting place from which a vehicle may be in others' way
+_BEYOND = 0.5  # metres past its waiting position from which a vehicle may obstruct others
 
 
 @dataclass(slots=True)
@@ -62,15 +62,15 @@ class JunctionControl:
         self._setbacks = [[0.0] * 4 for _ in road_map.junctions]
         self._measured: list[set[int]] = [set() for _ in road_map.junctions]
         self._claims: list[list[tuple[Passage, Crossing, Vehicle]]] = [[] for _ in road_map.junctions]
-        self._overtaken: list[set[int]] = [set() for _ in road_map.junctions]  # arms on which somebody overtakes
+        self._overtaken: list[set[int]] = [set() for _ in road_map.junctions]  # arms on which a vehicle overtakes
         self._seconds: float | None = None
 
     def setback(self, crossing: Crossing) -> float:
-        """Return how far before the painted line a vehicle waits: where no long vehicle swings through."""
+        """Return the metres before the painted line at which a vehicle waits, clear of the swing of long vehicles."""
         return self._setbacks[crossing.junction][crossing.arm]
 
     def update(self, agents: Sequence[Body], seconds: float) -> None:
-        """Give and take back permissions. Called once a tick, before any driver decides.
+        """Grant and revoke permissions. Called once per tick, before any driver decides.
 
         Args:
             agents: All agents, in plan order.
@@ -112,7 +112,7 @@ class JunctionControl:
         return any(p is passage and c is crossing for p, c, _ in self._claims[crossing.junction])
 
     def leads_into(self, crossing: Crossing) -> bool:
-        """Return whether somebody who has permission leaves a junction into the road that leads to a crossing."""
+        """Return whether a vehicle with permission leaves a junction into the road that leads to a crossing."""
         against = _opposite(crossing.arm)
         return any(claimed.exit == against for _, claimed, _ in self._claims[crossing.junction])
 
@@ -147,7 +147,7 @@ class JunctionControl:
         return self._movements[key]
 
     def _measure(self, crossing: Crossing) -> None:
-        """Move the waiting places of other arms back from where a movement's body passes."""
+        """Move the waiting positions of other arms back from the swept path of a movement."""
         number, movement = crossing.junction, crossing.movement
         if movement.number in self._measured[number]:
             return
@@ -159,7 +159,7 @@ class JunctionControl:
                 self._setbacks[number][arm] = max(self._setbacks[number][arm], min(over, _MAX_SETBACK))
 
     def _advance(self, vehicle: Vehicle, passage: Passage) -> None:
-        """Note which stop lines a vehicle has passed and which junctions it has left."""
+        """Record which stop lines a vehicle has passed and which junctions it has left."""
         if not vehicle.present or vehicle.driver.arrived(vehicle):
             self._release_all(passage)
             return
@@ -207,7 +207,7 @@ class JunctionControl:
         return can_stop and a.vehicle.actor.obeys and self._light(a, seconds) in ("red", "amber")
 
     def _light(self, a: _Approach, seconds: float) -> str:
-        """Return the light that a vehicle sees; green where there is none."""
+        """Return the signal for a vehicle; green where there is no light."""
         signal = self.road_map.junctions[a.crossing.junction].arms[a.crossing.arm].signal
         return light(signal, seconds) if signal is not None else "green"
 
@@ -245,7 +245,7 @@ class JunctionControl:
         return ""
 
     def _stands_in_way(self, other: _Approach, a: _Approach) -> bool:
-        """Return whether a vehicle without permission stands beyond its waiting place, where another one passes."""
+        """Return whether a vehicle without permission stands beyond its waiting position, on another's swept path."""
         if other.passage.granted:
             return False
         junction = self.road_map.junctions[a.crossing.junction]
@@ -253,14 +253,14 @@ class JunctionControl:
         return a.crossing.movement.first_touch(other.vehicle, (junction.x, junction.y), after, MARGIN) is not None
 
     def overlap(self, a: Movement, b: Movement) -> Overlap | None:
-        """Return where two movements meet; computed once for each pair."""
+        """Return where two movements intersect; computed once for each pair."""
         key = (a.number, b.number)
         if key not in self._overlaps:
             self._overlaps[key] = a.overlap(b)
         return self._overlaps[key]
 
     def _goes_first(self, other: _Approach, a: _Approach, seconds: float) -> bool:
-        """Return whether a vehicle must let another one, which has no permission yet, go first."""
+        """Return whether a vehicle must yield to another one that has no permission yet."""
         if other.passage.reason in ("light", "room", "sign", "oncoming", "blocked"):
             return False
         overlap = self.overlap(a.crossing.movement, other.crossing.movement)
@@ -292,7 +292,7 @@ class JunctionControl:
         return False
 
     def _rank(self, a: _Approach, seconds: float) -> int:
-        """Return 2 for a priority road or a green light, 1 where all are equal or a sign says so, 0 on red."""
+        """Return 2 for a priority road or a green light, 1 without signs, 0 for a stop or yield sign or a red light."""
         control = self.road_map.junctions[a.crossing.junction].arms[a.crossing.arm].control
         if control == "light":
             return 2 if self._light(a, seconds) == "green" else 0

@@ -1,9 +1,9 @@
 """Lane changes on roads with several lanes: MOBIL.
 
 Source: A. Kesting, M. Treiber, D. Helbing, "General lane-changing model MOBIL for car-following models",
-Transportation Research Record 1999 (2007). A vehicle changes lanes if nobody has to brake hard for it, and if its own
-advantage and a part of the others' exceed a threshold. A bias favours the right lane mildly; passing on the right is
-not forbidden.
+Transportation Research Record 1999 (2007). A vehicle changes lanes if no other vehicle has to brake hard for it, and if
+its own advantage plus a share of the others' advantage exceeds a threshold. A bias favours the right lane mildly;
+passing on the right is permitted.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Neighbour:
 
 @dataclass(frozen=True, slots=True)
 class Own:
-    """The vehicle that thinks about changing lanes."""
+    """The vehicle that considers a lane change."""
 
     speed: float
     desired: float
@@ -90,19 +90,19 @@ def gain(
 
 
 class LaneChanger:
-    """The lane of one vehicle on a road with several lanes; counted from its path's, positive to the left."""
+    """The lane of one vehicle on a road with several lanes, counted from its path's lane, positive to the left."""
 
     def __init__(self) -> None:
         self.lane = 0
         self._since = -math.inf  # time of the last change, seconds
 
     def decide(self, vehicle: Vehicle, own: Own, lanes: Lanes, neighbours: Sequence[Body], seconds: float) -> float:
-        """Return the offset that the vehicle should take, metres to the left of its path.
+        """Return the desired offset of the vehicle, metres to the left of its path.
 
         Args:
             vehicle: The vehicle, on a straight road.
             own: Its speed, desired speed and style.
-            lanes: The lanes beside the one in which its path lies.
+            lanes: The lanes next to the one of its path.
             neighbours: Agents in its neighbourhood, in plan order.
             seconds: Time since frame 0.
         """
@@ -153,7 +153,7 @@ def _by_lane(
 
 
 def _band(body: Body, aside: float) -> tuple[float, float]:
-    """Return the edges of a body to the left of the path, those of a lane change that it has begun included."""
+    """Return the edges of a body, metres to the left of the path, including a lane change that it has begun."""
     driver = getattr(body, "driver", None)
     shift = driver.offset - body.offset if driver is not None else 0.0  # type: ignore[attr-defined]
     return aside - body.radius + min(shift, 0.0), aside + body.radius + max(shift, 0.0)

@@ -1,7 +1,7 @@
-"""Overtaking over the oncoming lane of a street: bicycles, and what stands in the lane.
+"""Overtaking in the oncoming lane of a street: bicycles, and stationary obstacles in the lane.
 
-A vehicle overtakes if it can be back in its lane before the next junction, bend and oncoming vehicle. It gives up and
-stays behind while it is not yet beside the other one.
+A vehicle overtakes if it can return to its lane before the next junction, bend and oncoming vehicle. It can abort until
+it is alongside the other one.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from recipe_runtime.simulation.traffic.corridor import SIDESTEP_SLOPE, Corridor,
 from recipe_runtime.simulation.traffic.junctions import EMERGING, JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
-_BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
+_BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # lateral clearance, metres
 _LEFT_EDGE = 4.3  # metres to the left of the lane's middle that the vehicle's side may reach
 _NEAR = 22.0  # metres; farther leaders are not overtaken yet
-_AFTER = 3.0  # metres between the two when it is back in its lane
-_STANDS, _PERSON_STANDS = 4.0, 25.0  # seconds after which a vehicle that stands is passed, and a pedestrian
-_TICK = 0.1  # seconds
+_AFTER = 3.0  # metres between the two when the vehicle is back in its lane
+_STANDS, _PERSON_STANDS = 4.0, 25.0  # seconds after which a stationary vehicle, or a pedestrian, is passed
+_TICK = 0.1  # seconds between decisions
 
 
 @dataclass(slots=True)
 class _Plan:
-    """An overtaking that is under way."""
+    """An overtaking manoeuvre in progress."""
 
     body: Body
     offset: float
 
 
 class Overtaking:
-    """Whether one vehicle overtakes, and whom."""
+    """The decisions of one vehicle to overtake."""
 
     def __init__(self, junctions: JunctionControl) -> None:
         self._junctions = junctions
         self._plan: _Plan | None = None
         self._behind: Body | None = None
-        self._seconds = 0.0  # for which it has been behind somebody who stands
+        self._seconds = 0.0  # for which it has been behind the same stationary body
 
     def decide(
         self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, roads: RoadMap
@@ -76,13 +76,13 @@ class Overtaking:
         self._seconds += _TICK
 
     def _wants(self, nearest: Obstacle, desired: float) -> bool:
-        """Return whether a leader is one to be overtaken."""
+        """Return whether a leader should be overtaken."""
         if abs(nearest.speed) < 0.3:
             return self._seconds > (_PERSON_STANDS if nearest.person else _STANDS)
         return _is_bicycle(nearest.body) and 0.0 < nearest.speed < 0.75 * desired
 
     def _go_on(self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, roads: RoadMap) -> float | None:
-        """Continue, end or give up."""
+        """Continue, complete or abort the manoeuvre."""
         tx, ty = vehicle.path.tangent(vehicle.progress)
         body = plan.body
         ahead = (body.x - vehicle.x) * tx + (body.y - vehicle.y) * ty
@@ -90,7 +90,7 @@ class Overtaking:
         if ahead < -sizes - 1.0 - 0.2 * vehicle.speed or ahead > 40.0 or not body.present:
             self._plan = None
             return None
-        if ahead > sizes:  # not yet beside
+        if ahead > sizes:  # not yet alongside
             speed = body.velocity[0] * tx + body.velocity[1] * ty
             leader, room = (ahead - sizes, speed), room_ahead(vehicle, self._junctions) + 4.0
             if not _free(vehicle, neighbours, body, leader, plan.offset, room, roads):
@@ -100,9 +100,9 @@ class Overtaking:
 
 
 def room_ahead(vehicle: Vehicle, junctions: JunctionControl) -> float:
-    """Return the metres of straight road from a vehicle's front to the place where it waits for a junction.
+    """Return the metres of straight road from a vehicle's front to its waiting position before a junction.
 
-    0 in a junction, and if somebody leaves the next one towards it.
+    The result is 0 in a junction, and if another vehicle leaves the next one towards it.
     """
     passage = vehicle.driver.passage
     if passage.inside:
@@ -136,7 +136,7 @@ def _free(
     Args:
         vehicle: The vehicle.
         neighbours: Agents in its neighbourhood.
-        body: Who is to be passed.
+        body: The body to pass.
         leader: Its distance from the vehicle's front, and its speed, m and m/s.
         offset: The offset while passing.
         room: Metres without a junction ahead.
@@ -163,7 +163,7 @@ def _free(
 
 
 def _overtaken(vehicle: Vehicle, neighbours: Sequence[Body], offset: float) -> bool:
-    """Return whether somebody behind is beside or about to overtake."""
+    """Return whether a vehicle behind overtakes or is about to."""
     tx, ty = vehicle.path.tangent(vehicle.progress)
     for body in neighbours:
         dx, dy = body.x - vehicle.x, body.y - vehicle.y
@@ -182,6 +182,6 @@ def _is_bicycle(body: Body) -> bool:
 
 
 def is_stalled(body: Body) -> bool:
-    """Return whether a body stands for a reason of its own: not in a queue, nor at a stop line."""
+    """Return whether a body is stationary for a reason of its own: neither in a queue nor at a stop line."""
     driver = getattr(body, "driver", None)
     return driver is None or driver.stalled

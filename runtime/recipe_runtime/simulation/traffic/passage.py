@@ -12,14 +12,14 @@ from recipe_runtime.simulation.traffic.road_map import direction_of
 from recipe_runtime.simulation.traffic.swept_path import Movement
 
 _STANDING = 0.3  # m/s
-_AT_THE_LINE = 6.0  # metres before the waiting place within which a standing vehicle waits for the junction
+_AT_THE_LINE = 6.0  # metres before the waiting position within which a stationary vehicle waits for the junction
 _STOPPED_SPEED = 0.1  # m/s
-_STOPPED = 3.0  # metres before it within which a stop counts at a stop sign
-_BEHIND = 1.0  # metres between a junction and the rear of a vehicle that stands behind it
+_STOPPED = 3.0  # metres before the waiting position within which a stop counts at a stop sign
+_BEHIND = 1.0  # metres between a junction and the rear of a vehicle that stops behind it
 
 
 def decision_distance(speed: float) -> float:
-    """Return the metres before a stop line within which a vehicle asks for permission, so that it need not brake."""
+    """Return the metres before a stop line at which a vehicle requests permission, early enough not to brake."""
     return stopping_distance(speed, 1.5) + speed + 6.0
 
 
@@ -43,22 +43,22 @@ class Crossing:
 
 @dataclass(slots=True)
 class Passage:
-    """Where a vehicle stands with the junctions on its path."""
+    """The state of a vehicle's passage through the junctions on its path."""
 
     path: Path | None = None
     crossings: list[Crossing] = field(default_factory=list)
-    left: int = 0  # junctions that its rear has left
-    entered: int = 0  # junctions whose stop line its front has passed
-    granted: bool = False  # permission for the next one
+    left: int = 0  # number of junctions that its rear has left
+    entered: int = 0  # number of junctions whose stop line its front has passed
+    granted: bool = False  # whether it has permission to enter the next junction
     reason: str = ""  # why it has no permission
     since: float = math.inf  # time when it came near the next stop line, seconds
-    waited: float = 0.0  # seconds of waiting there while the light allowed going
+    waited: float = 0.0  # seconds of waiting there while the light was not red
     stood: float = 0.0  # seconds of standing there with permission
-    stopped: bool = False  # stood at the next stop line
-    obstructs: bool = False  # stands beyond the waiting place, where another one has to pass
-    room: float = math.inf  # metres that its front may go before it has to stand behind somebody
-    solid_room: float = math.inf  # the same without pedestrians
-    extent: float = math.inf  # the same, but also not beyond the next stop line that it may not pass
+    stopped: bool = False  # whether it has stopped at the next stop line
+    obstructs: bool = False  # whether it stands beyond the waiting position, on the swept path of another vehicle
+    room: float = math.inf  # metres to the position where its front has to stop behind another agent
+    solid_room: float = math.inf  # likewise, ignoring pedestrians
+    extent: float = math.inf  # likewise, and not beyond the next stop line without permission
 
     @property
     def next(self) -> Crossing | None:
@@ -71,13 +71,13 @@ class Passage:
         return self.left < self.entered
 
     def begin(self, path: Path, crossings: list[Crossing]) -> None:
-        """Take a new path."""
+        """Start a new path."""
         self.path, self.crossings = path, crossings
         self.left = self.entered = 0
         self._reset()
 
     def enter(self) -> None:
-        """Note that the front has passed the next stop line."""
+        """Record that the front has passed the next stop line."""
         self.entered += 1
         self._reset()
 
@@ -87,14 +87,14 @@ class Passage:
         self.stopped = False
 
     def see(self, vehicle: Vehicle, hold: float, seconds: float, dt: float, free: bool) -> None:
-        """Update the times of waiting.
+        """Update the waiting times.
 
         Args:
             vehicle: The vehicle, the first one in its lane.
-            hold: Metres from its front to where it waits.
-            seconds: The time.
+            hold: Metres from its front to the waiting position.
+            seconds: Time since frame 0.
             dt: Seconds since the last update.
-            free: Whether the light allows going.
+            free: Whether the light is not red.
         """
         if self.since == math.inf and hold < decision_distance(vehicle.speed):
             self.since = seconds
@@ -104,7 +104,7 @@ class Passage:
             self.stood += dt if self.granted else 0.0
 
     def has_room(self, vehicle: Vehicle) -> bool:
-        """Return whether there is room behind the next junction. After long waiting, pedestrians do not count."""
+        """Return whether there is room behind the next junction; after 10 s of waiting, pedestrians are ignored."""
         crossing = self.next
         if crossing is None:
             return True

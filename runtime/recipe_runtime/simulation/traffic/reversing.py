@@ -1,7 +1,8 @@
-"""Driving backwards, where a vehicle that stands can go on only after that.
+"""Reversing of stationary vehicles that cannot go on otherwise.
 
-It drives back a few metres, slowly, as far as the way behind is free: after a collision, off what it pushes against;
-from a place where others have to pass; and behind what stays, until there is room to pull out.
+A vehicle reverses slowly, by a few metres, as far as the space behind it is free: away from an obstacle after a
+collision; off a place that other vehicles need to pass; and behind a stationary obstacle, until there is room to pull
+out.
 """
 
 from __future__ import annotations
@@ -16,44 +17,44 @@ from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 REVERSE_SPEED = 0.8  # m/s, backwards
-_AFTER_CONTACT, _LEAST, _MOST = 3.0, 0.4, 10.0  # metres to drive back after a collision, at least, and at most
-_PUSHES, _OBSTRUCTS, _TOO_NEAR, _MEETS = 2.5, 3.0, 5.0, 10.0  # seconds of standing until it drives back
-_RUN_UP = 2.5  # metres behind what it passes, beyond the way that it needs to pull out
+_AFTER_CONTACT, _LEAST, _MOST = 3.0, 0.4, 10.0  # metres to reverse: after a collision, at least, at most
+_PUSHES, _OBSTRUCTS, _TOO_NEAR, _MEETS = 2.5, 3.0, 5.0, 10.0  # seconds of standing before it reverses, by reason
+_RUN_UP = 2.5  # metres to keep behind an obstacle that it will pass, in addition to the distance to pull out
 _PAUSE = 6.0  # seconds between two attempts
-_TRIES, _PROGRESS = 3, 10.0  # attempts until it has come that many metres on
-_LIMIT = 15.0  # seconds; it then gives up
-_FREE, _SIDE, _FORESIGHT = 1.0, 0.5, 2.0  # metres kept behind and beside; seconds for which others are foreseen
-_AT_LINE = 0.5  # metres to the place where one waits
-_STANDS = 0.1  # m/s
-_TICK = 0.1  # seconds
+_TRIES, _PROGRESS = 3, 10.0  # maximum attempts, and metres of progress after which they are counted anew
+_LIMIT = 15.0  # seconds after which an attempt is given up
+_FREE, _SIDE, _FORESIGHT = 1.0, 0.5, 2.0  # metres kept behind and to the sides; seconds for which motion is predicted
+_AT_LINE = 0.5  # metres to the waiting position
+_STANDS = 0.1  # m/s, below which a vehicle counts as stationary
+_TICK = 0.1  # seconds between decisions
 
 
 @dataclass(slots=True)
 class Situation:
-    """Why a vehicle stands."""
+    """The state of a stationary vehicle, from which the reason of standing follows."""
 
-    wish: float  # m/s2 that its driver wants
-    nearest: Obstacle | None  # in its corridor
-    overtakes: bool = False  # whether it wants to pass that
+    wish: float  # acceleration that its driver requests, m/s2
+    nearest: Obstacle | None  # nearest obstacle in its corridor
+    overtakes: bool = False  # whether it is about to pass that obstacle
 
 
 class Reversing:
-    """Whether one vehicle drives backwards."""
+    """The decisions of one vehicle to reverse."""
 
     def __init__(self, roads: RoadMap, junctions: JunctionControl) -> None:
         self._roads, self._junctions = roads, junctions
-        self._left = 0.0  # metres to drive back
-        self._seconds = 0.0  # for which it has driven back, or has had a reason to
-        self._now = self._again = -math.inf  # times of the last decision, and from which it may try again
-        self._tries, self._from = 0, -math.inf  # attempts since it was at an arc length of its path
+        self._left = 0.0  # metres still to reverse
+        self._seconds = 0.0  # duration of reversing, or of having a reason to reverse
+        self._now = self._again = -math.inf  # time of the last decision, and earliest time of the next attempt
+        self._tries, self._from = 0, -math.inf  # number of attempts, and the arc length of the first one
 
     def decide(self, vehicle: Vehicle, neighbours: Sequence[Body], situation: Situation, seconds: float) -> bool:
-        """Return whether the vehicle drives backwards now. Called while it stands or drives backwards.
+        """Return whether the vehicle reverses now. Called while it is stationary or reverses.
 
         Args:
             vehicle: The vehicle.
             neighbours: Agents in its neighbourhood, in plan order.
-            situation: Why it stands, if it stands.
+            situation: Its state.
             seconds: Time since frame 0.
         """
         if seconds > self._now + 1.5 * _TICK:  # it has been moving
@@ -84,7 +85,7 @@ class Reversing:
         return True
 
     def _wanted(self, vehicle: Vehicle, situation: Situation) -> tuple[float, float]:
-        """Return the metres that the vehicle should drive back, and the seconds to wait before; 0 if it should not."""
+        """Return the metres by which the vehicle should reverse, 0 for not, and the seconds to wait before."""
         nearest, passage = situation.nearest, vehicle.driver.passage
         if situation.wish > 0.2:
             return _AFTER_CONTACT, _PUSHES
@@ -101,7 +102,7 @@ class Reversing:
         return 0.0, math.inf
 
     def _room(self, vehicle: Vehicle, neighbours: Sequence[Body], most: float) -> float:
-        """Return the metres that the vehicle can drive back, at most `most`."""
+        """Return the metres by which the vehicle can reverse, at most `most`."""
         return min(most, self._before_junction(vehicle), self._on_road(vehicle, most), _free(vehicle, neighbours))
 
     def _before_junction(self, vehicle: Vehicle) -> float:
@@ -114,7 +115,7 @@ class Reversing:
         return math.inf
 
     def _on_road(self, vehicle: Vehicle, most: float) -> float:
-        """Return `most`; 0 if the vehicle is on a road and would come off it."""
+        """Return `most`, or 0 if the vehicle would leave the road."""
         (hx, hy), back = vehicle.heading, vehicle.reach + most
         x, y = vehicle.x - back * hx, vehicle.y - back * hy
         corners = [(x - side * hy, y + side * hx) for side in (-vehicle.radius, vehicle.radius)]
@@ -124,7 +125,7 @@ class Reversing:
 
 
 def _free(vehicle: Vehicle, neighbours: Sequence[Body]) -> float:
-    """Return the metres behind a vehicle that nobody is in, or will soon be in."""
+    """Return the metres behind a vehicle that are free of other agents, now and within `_FORESIGHT` seconds."""
     (hx, hy), room = vehicle.heading, math.inf
     for body in neighbours:
         dx, dy = body.x - vehicle.x, body.y - vehicle.y

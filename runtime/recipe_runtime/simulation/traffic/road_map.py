@@ -26,7 +26,7 @@ _LINE = 3.0  # from a junction's edge to its stop line where no road shows one
 
 @dataclass(slots=True)
 class Arm:
-    """How a junction is entered in one direction of travel."""
+    """The entry of a junction in one direction of travel."""
 
     line: float  # from the junction's middle to the stop line, metres
     control: Control = "none"
@@ -44,14 +44,14 @@ class Junction:
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Least x, least y, greatest x and greatest y between its stop lines."""
+        """Minimum x, minimum y, maximum x and maximum y between its stop lines."""
         east, north, west, south = (arm.line for arm in self.arms)  # who goes east enters from the west
         return self.x - east, self.y - north, self.x + west, self.y + south
 
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """The lanes beside the one that a vehicle is in."""
+    """The lanes next to the one that a vehicle is in."""
 
     left: int
     right: int
@@ -114,7 +114,7 @@ class RoadMap:
         return any(abs(x - j.x) < j.half[0] and abs(y - j.y) < j.half[1] for j in self.junctions)
 
     def lanes(self, x: float, y: float) -> Lanes | None:
-        """Return the lanes beside the one at a position; None on a street, and off the road."""
+        """Return the lanes next to the one at a position; None on a street, and off the road."""
         road = self._road(x, y)
         if road is None or not road.lanes:
             return None
@@ -125,7 +125,7 @@ class RoadMap:
         return Lanes(road.lanes - 1 - number, number, road.lane)
 
     def passages(self, path: Path) -> list[tuple[int, float, float]]:
-        """Return where a path passes junctions, in its order: the junction, and the arc lengths at its stop lines."""
+        """Return the junctions that a path passes, in order: index, and arc lengths at the stop lines."""
         found: list[tuple[int, float, float]] = []
         last: dict[int, int] = {}  # junction -> the latest entry of `found`
         for ax, ay, tx, ty, start, length in path.legs:
@@ -162,7 +162,7 @@ class RoadMap:
                 self._cells.setdefault((i, j), []).append(road)
 
     def _place_stop_lines(self, e: Element) -> None:
-        """Take the stop lines of a road over to the junctions at its ends."""
+        """Assign the stop lines of a road to the junctions at its ends."""
         s, c = exact.sin_cos_deg(e.pose.yaw)
         for stop, sign in ((e.shape["stop_a"], 1.0), (e.shape["stop_b"], -1.0)):
             if stop <= 0.0:
@@ -176,7 +176,7 @@ class RoadMap:
                 junction.arms[travel].line = (junction.x - x) * dx + (junction.y - y) * dy
 
     def _place_control(self, e: Element) -> None:
-        """Assign a traffic light or a sign to the junction behind it, for those who see its front."""
+        """Assign a traffic light or a sign to the junction behind it, for the direction of travel that it faces."""
         if e.kind == "sign" and int(e.shape["face"]) not in (_STOP_SIGN, _GIVE_WAY_SIGN):
             return
         if e.kind not in ("sign", "traffic_light"):
@@ -193,7 +193,7 @@ class RoadMap:
             arm.control = "stop" if int(e.shape["face"]) == _STOP_SIGN else "yield"
 
     def _ahead(self, x: float, y: float, travel: int, reach: float) -> Junction | None:
-        """Return the nearest junction that lies ahead of a position at the side of its road."""
+        """Return the nearest junction ahead of a position at the side of a road."""
         best, found = reach, None
         dx, dy = DIRECTIONS[travel]
         for junction in self.junctions:
@@ -205,7 +205,7 @@ class RoadMap:
 
 
 def direction_of(vector: tuple[float, float]) -> int:
-    """Return the number of the direction of travel that is nearest to a vector."""
+    """Return the index of the direction of travel that is nearest to a vector."""
     if abs(vector[0]) >= abs(vector[1]):
         return 0 if vector[0] >= 0.0 else 2
     return 1 if vector[1] >= 0.0 else 3
@@ -220,7 +220,7 @@ def _junction(e: Element) -> Junction:
 def _clip(
     ray: tuple[float, float, float, float], length: float, box: tuple[float, float, float, float]
 ) -> tuple[float, float] | None:
-    """Return the part of a leg inside a box (least x, least y, greatest x, greatest y); None if there is none."""
+    """Return the part of a leg inside a box (minimum x and y, maximum x and y); None if there is none."""
     low, high = 0.0, length
     for start, step, least, greatest in ((ray[0], ray[2], box[0], box[2]), (ray[1], ray[3], box[1], box[3])):
         if abs(step) < 1e-12:
@@ -237,7 +237,7 @@ def _numbers(value: float, count: int) -> array[float]:
 
 
 def speed_profile(path: Path, road_map: RoadMap, *, lateral: float, braking: float, goal: bool) -> Sequence[float]:
-    """Return the highest speed at each whole metre of a path, m/s, from which all later limits can be met.
+    """Return the maximum speed at each whole metre of a path, m/s, from which all later limits can be met.
 
     Args:
         path: The path.

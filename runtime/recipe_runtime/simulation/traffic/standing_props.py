@@ -1,4 +1,4 @@
-"""Props as drivers see them: bodies that stand in the way."""
+"""Props as drivers see them: static bodies that may block the road."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from recipe_compiler.ir.plan import ActorPlan, PropPlan
 
 from recipe_runtime.simulation.terrain import Ground
 
-_KEPT = 20.0  # metres that a vehicle may drive until it looks for the props near it again
+_KEPT = 20.0  # metres that a vehicle may drive before the props near it are searched again
 
 
 @dataclass(frozen=True, slots=True)
 class StandingProp:
-    """A prop as a body that never moves; its longer side is along its heading."""
+    """A prop as a static body; its longer side is along its heading."""
 
     actor: ActorPlan
     x: float
@@ -29,7 +29,7 @@ class StandingProp:
 
     @classmethod
     def of(cls, prop: PropPlan, ground: float) -> StandingProp | None:
-        """Return a prop as a body; None if one drives over it or under it.
+        """Return a prop as a body; None if vehicles can drive over or under it.
 
         Args:
             prop: The prop.
@@ -55,7 +55,7 @@ class StandingProp:
 
 
 def standing_props(props: Iterable[PropPlan], ground: Ground) -> Sequence[StandingProp]:
-    """Return the props that are in the way of vehicles, in the order of the plan."""
+    """Return the props that can block vehicles, in the order of the plan."""
     found = (StandingProp.of(prop, ground.height(prop.pose.x, prop.pose.y)) for prop in props)
     return [body for body in found if body is not None]
 

@@ -1,4 +1,4 @@
-"""Swept paths: the ground that a vehicle covers on its way through a junction, and where two of them meet.
+"""Swept paths: the area that a vehicle covers in a junction, and the intersections of two of them.
 
 A body is a row of circles that together cover its rectangle. It moves as `simulation.vehicle` steers: with the front
 axle on the path in a bend to the left, where the rear cuts in, and with the rear axle on the path in a bend to the
@@ -24,12 +24,12 @@ _POSE_STEP, _TRACTRIX_STEP = 1.0, 0.25  # metres along the path
 _SLICE, _LONG_SLICE = 0.6, 1.0  # metres of a body that one circle covers, and of one longer than a van
 _VAN = 5.6  # metres
 MARGIN = 0.3  # metres that two bodies keep apart
-_FAR = 25.0  # metres from a junction's middle beyond which nobody is touched
+_FAR = 25.0  # metres from a junction's middle beyond which nothing is touched
 
 
 @dataclass(frozen=True, slots=True)
 class Overlap:
-    """Where two movements meet: metres of each body's middle from its own stop line."""
+    """The intersection of two movements: metres of each body's middle from its own stop line."""
 
     first: float
     last: float
@@ -39,7 +39,7 @@ class Overlap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Movement:
-    """One way through a junction for vehicles of one size, about the junction's middle.
+    """One path through a junction for vehicles of one size, relative to the junction's middle.
 
     Row k of `x` and `y` are the circles of the body when its middle is `start + k` metres behind the stop line.
     """
@@ -52,7 +52,7 @@ class Movement:
     radius: float
 
     def overlap(self, other: Movement) -> Overlap | None:
-        """Return where this movement and another one at the same junction meet; None if nowhere."""
+        """Return the intersection with another movement at the same junction; None if there is none."""
         reach = self.radius + other.radius + MARGIN
         dx = self.x.reshape(-1, 1) - other.x.reshape(1, -1)
         dy = self.y.reshape(-1, 1) - other.y.reshape(1, -1)
@@ -70,7 +70,7 @@ class Movement:
         )
 
     def first_contact(self, x: float, y: float, radius: float, after: float) -> float | None:
-        """Return where the body would first touch a circle.
+        """Return the position at which the body would first touch a circle.
 
         Args:
             x: The circle's middle, about the junction's.
@@ -87,7 +87,7 @@ class Movement:
         return self.start + _POSE_STEP * (row + int(rows[0])) if len(rows) else None
 
     def first_touch(self, body: Body, middle: Point, after: float, margin: float = 0.0) -> float | None:
-        """Return where the moving body would first touch a vehicle that stands.
+        """Return the position at which the body would first touch a stationary vehicle.
 
         Args:
             body: The vehicle; three circles stand for it.
@@ -110,7 +110,7 @@ class Movement:
         return first
 
     def reach_into(self, direction: Point, lane: tuple[float, float]) -> float:
-        """Return how far from the junction's middle the body gets in a lane that leads to it.
+        """Return how far from the junction's middle the body reaches in a lane that leads to it.
 
         Args:
             direction: The direction of travel in the lane.
@@ -190,7 +190,7 @@ def _poses(
 
 
 def _beside(path: Path, metres: float, offset: float) -> tuple[float, float, Point]:
-    """Return the point beside the path at an arc length, and the direction of the path there."""
+    """Return the point at an offset from the path at an arc length, and the direction of the path there."""
     (ax, ay), (bx, by) = path.at(metres - 0.5), path.at(metres + 0.5)
     dx, dy = bx - ax, by - ay
     size = max(math.sqrt(dx * dx + dy * dy), 1e-9)

@@ -11,11 +11,11 @@ from recipe_runtime.simulation.agent import Agent
 from recipe_runtime.simulation.neighbours import NeighbourGrid
 from recipe_runtime.simulation.vehicle import VehicleAgent
 
-_AHEAD, _BEHIND, _ASIDE = 40.0, 25.0, 1.5  # metres of the lane that must be free, and beside the vehicle
+_AHEAD, _BEHIND, _ASIDE = 40.0, 25.0, 1.5  # metres that must be free: ahead, behind, and at both sides of a vehicle
 
 
 def exchange(agents: Iterable[Agent], neighbours: NeighbourGrid) -> None:
-    """Take out the vehicles that have arrived, and let in those whose place is free, in plan order.
+    """Remove the vehicles that have arrived, and admit those whose entry is free, in plan order.
 
     Args:
         agents: All agents.

@@ -1,1 +1,1 @@
-"""How pedestrians decide: their routes and pauses, crossings of roads, avoidance of others, and detours."""
+"""Decisions of pedestrians: routes and pauses, crossing of roads, avoidance and detours."""

@@ -1,8 +1,8 @@
-"""Avoidance of people, vehicles and solid things: which way a pedestrian turns, and how fast it goes.
+"""Avoidance of people, vehicles and obstacles: the direction and the speed of a pedestrian.
 
 After M. Moussaid, D. Helbing and G. Theraulaz, How simple rules determine pedestrian behavior and crowd disasters
-(PNAS, 2011): of some directions, a pedestrian takes the one that leads nearest to where it wants to go before something
-is in the way, and it keeps half a second away from what is ahead.
+(PNAS, 2011): among several directions, a pedestrian chooses the one that brings it nearest to its destination before it
+is blocked, and it keeps a time of half a second to what is ahead.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.ground.obstacles import Obstacle
 
-LOOK = 6.0  # metres ahead that matter
-_REACTION = 0.5  # seconds kept to what is ahead
-_ANGLES = (-12, 12, -25, 25, -40, 40, -55, 55, -75, 75)  # degrees to the left; the right is tried first
-_ROUND = (-75, 75, -105, 105, -135, 135)  # more of them, to get round what is in the way
+LOOK = 6.0  # metres ahead that are considered
+_REACTION = 0.5  # seconds kept to obstacles ahead
+_ANGLES = (-12, 12, -25, 25, -40, 40, -55, 55, -75, 75)  # candidate directions, degrees to the left, right ones first
+_ROUND = (-75, 75, -105, 105, -135, 135)  # additional directions for a blocked pedestrian
 _TURNS = tuple((*exact.sin_cos_deg(float(angle)), angle > 0) for angle in _ANGLES)
 _WIDE = (*_TURNS, *((*exact.sin_cos_deg(float(angle)), angle > 0) for angle in _ROUND))
-_OTHER_SIDE = 2.0  # m2, what changing the side costs
-_TOUCHING = 0.1  # m/s at which somebody within the comfortable distance may come nearer
+_OTHER_SIDE = 2.0  # m2, cost of changing to the other side
+_TOUCHING = 0.1  # m/s, permitted closing speed within the comfortable distance
 
 Vector2 = tuple[float, float]
 Disc = tuple[float, float, float, float, float]  # x, y from here, velocity x, y, distance^2 - comfortable distance^2
@@ -29,17 +29,17 @@ Disc = tuple[float, float, float, float, float]  # x, y from here, velocity x, y
 
 @dataclass(slots=True)
 class Scene:
-    """What is in the way of a pedestrian."""
+    """The obstacles near a pedestrian."""
 
     x: float
     y: float
     discs: Sequence[Disc]
     boxes: Sequence[tuple[Obstacle, float, float, float, float]]  # box, its margin, its velocity x, y, seconds ahead
     walls: Sequence[tuple[Obstacle, float]]  # with their margins
-    reach: float  # metres within which walls matter
+    reach: float  # metres within which walls are considered
 
     def free(self, ux: float, uy: float, speed: float, most: float) -> float:
-        """Return the metres that one can go in a direction until something is in the way, at most `most`."""
+        """Return the free distance in a direction, metres, at most `most`."""
         sx, sy, free = speed * ux, speed * uy, most
         for dx, dy, vx, vy, room in self.discs:
             wx, wy = sx - vx, sy - vy
@@ -65,7 +65,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A direction, a speed in m/s, and the side of the wish to which the direction is turned."""
+    """A direction, a speed in m/s, and the side to which the direction deviates from the desired one."""
 
     ux: float
     uy: float
@@ -77,12 +77,12 @@ def choose(scene: Scene, ahead: Vector2, speed: float, distance: float, side: in
     """Choose a direction and a speed.
 
     Args:
-        scene: What is in the way.
-        ahead: The direction that is wanted, a unit vector.
-        speed: The speed that is wanted, m/s.
-        distance: Metres to where it is to stop.
-        side: The last choice's side.
-        blocked: Whether it has been standing for some time; it then goes round what is in the way.
+        scene: The obstacles.
+        ahead: The desired direction, a unit vector.
+        speed: The desired speed, m/s.
+        distance: Metres to the next stop.
+        side: The side of the last choice.
+        blocked: Whether the pedestrian has been blocked for some time, so that it takes wide turns.
     """
     most = max(0.6, min(LOOK, distance))
     ux, uy = ahead

@@ -1,8 +1,8 @@
-"""Where a pedestrian's route crosses roads, and when it may enter them.
+"""Crossing of roads: where a pedestrian's route is on a road, and when the pedestrian may enter it.
 
-At a junction's crossing, pedestrians go first: they enter unless a vehicle comes that cannot stop. Where the crossing
-has a traffic light, they wait for it. Elsewhere they wait for a gap between vehicles, and after some time until the
-next vehicle can stop.
+At the crossing of a junction, pedestrians have right of way: they enter unless an approaching vehicle cannot stop. If
+the crossing has a traffic light, they obey it. Elsewhere they wait for a gap between vehicles, and after some time only
+until the next vehicle can stop.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from recipe_runtime.simulation.traffic.road_map import Junction, direction_of
 from recipe_runtime.simulation.walking.surroundings import Surroundings
 
 KERB = 0.45  # metres before the road where a pedestrian waits
-_SCAN, _AHEAD, _MOST = 0.25, 25.0, 400  # metres between samples, metres ahead that are scanned, samples at a time
-_FIRM, _REACTION = 2.5, 0.5  # m/s2 and seconds with which vehicles are expected to stop
-_MARGIN = 1.5  # seconds between a pedestrian who has crossed and the next vehicle
-_IN_SIGHT = 60.0  # metres of a vehicle's path that are looked at
+_SCAN, _AHEAD, _MOST = 0.25, 25.0, 400  # metres between samples, metres scanned ahead, maximum samples per call
+_FIRM, _REACTION = 2.5, 0.5  # m/s2 and seconds: expected braking and reaction time of vehicles
+_MARGIN = 1.5  # seconds between the end of the crossing and the next vehicle
+_IN_SIGHT = 60.0  # metres of a vehicle's path that are considered
 _PATIENCE = 15.0  # seconds of waiting for a gap
 _STANDING = 0.3  # m/s
 
@@ -31,16 +31,15 @@ Vector2 = tuple[float, float]
 
 @dataclass(slots=True, eq=False)
 class Crossing:
-    """A part of a route that is on a road."""
+    """A section of a route that is on a road."""
 
-    start: float  # metres along the route at the kerb
-    end: float  # where the road ends, as far as it is known
-    open: bool  # whether more of it may follow
+    start: float  # arc length of the route at the kerb, metres
+    end: float  # arc length where the road ends, as far as it is scanned
+    open: bool  # whether the scan has not reached the end of the road
     begin: Vector2  # the kerb
     junction: Junction | None = None
     signal: Mapping[str, float] | None = None
     waited: float = 0.0  # seconds
-    permitted: bool = False
 
 
 class Crossings:
@@ -52,10 +51,10 @@ class Crossings:
         self._found: list[Crossing] = []
 
     def next(self, metres: float) -> Crossing | None:
-        """Return the crossing that the pedestrian is on or comes to next, within some metres; None without one.
+        """Return the crossing that the pedestrian is on, or the next one within 25 m; None if there is none.
 
         Args:
-            metres: Its progress on the route.
+            metres: Its progress on the route, metres.
         """
         self._scan(metres)
         while self._found and not self._found[0].open and self._found[0].end < metres:
@@ -63,11 +62,11 @@ class Crossings:
         return self._found[0] if self._found else None
 
     def segment(self, crossing: Crossing) -> tuple[float, float, float, float]:
-        """Return the positions of the kerbs between which the way is on the road: x, y and x, y."""
+        """Return the segment of a crossing from kerb to kerb: x, y, x, y, metres."""
         return (*crossing.begin, *self._path.at(crossing.end))
 
     def _scan(self, metres: float) -> None:
-        """Look for roads on the route ahead."""
+        """Find roads on the route ahead."""
         until = min(metres + _AHEAD, self._path.length)
         for _ in range(_MOST):
             if self._scanned > until:
@@ -93,7 +92,7 @@ class Crossings:
         return crossing
 
     def _assign(self, crossing: Crossing, at: Vector2) -> None:
-        """Note the junction on one of whose arms the crossing is, and the traffic light for that arm."""
+        """Store the junction to which the crossing belongs, and the traffic light for its arm."""
         junction = self._surroundings.junction_at(*at)
         if junction is None:
             return
@@ -108,10 +107,10 @@ class Crossings:
         """Return whether a pedestrian may enter a road.
 
         Args:
-            crossing: The road.
-            speed: Of its walk, m/s.
-            others: Those in sight.
-            obeys: Whether it obeys traffic lights.
+            crossing: The crossing.
+            speed: The pedestrian's walking speed, m/s.
+            others: Agents in sight.
+            obeys: Whether the pedestrian obeys traffic lights.
             seconds: Time since frame 0.
         """
         if crossing.signal is not None and obeys and not may_walk(crossing.signal, seconds):
@@ -123,13 +122,13 @@ class Crossings:
 
 
 def _prevents(other: Agent, segment: tuple[float, float, float, float], first: bool, duration: float) -> bool:
-    """Return whether a vehicle keeps a pedestrian from entering a road.
+    """Return whether a vehicle prevents a pedestrian from entering a road.
 
     Args:
         other: Another agent.
-        segment: The way across the road.
-        first: Whether the pedestrian goes first if the vehicle can stop.
-        duration: Seconds that the pedestrian needs.
+        segment: The crossing, from kerb to kerb.
+        first: Whether the pedestrian has right of way if the vehicle can stop.
+        duration: Seconds that the pedestrian needs to cross.
     """
     path: Path | None = getattr(other, "path", None)
     if path is None or other.speed < _STANDING or not path.legs:
@@ -148,7 +147,7 @@ def _prevents(other: Agent, segment: tuple[float, float, float, float], first: b
 
 
 def _meets(path: Path, start: float, end: float, segment: tuple[float, float, float, float]) -> float:
-    """Return the arc length between two where a path meets a segment; infinity if it does not."""
+    """Return the arc length, from `start` to `end`, at which a path intersects a segment; infinity if it does not."""
     x0, y0, x1, y1 = segment
     sx, sy = x1 - x0, y1 - y0
     for ax, ay, tx, ty, metres, length in path.window(start, end):

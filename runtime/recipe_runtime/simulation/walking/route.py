@@ -1,4 +1,4 @@
-"""The route of a pedestrian: where to walk next, and where to stand for some time."""
+"""The route of a pedestrian: its progress, the direction to walk, and pauses."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.simulation.path import Path
 
-_LEAST_LOOK, _LOOK_SECONDS = 0.7, 0.45  # metres, and seconds of walking, to the point that one walks towards
-_PASSING_LOOK = 3.0  # metres, the same while somebody is passed
-_NEAR = 0.25  # metres; a nearer point gives no direction
+_LEAST_LOOK, _LOOK_SECONDS = 0.7, 0.45  # look-ahead distance: minimum in metres, and in seconds of walking
+_PASSING_LOOK = 3.0  # metres, minimum look-ahead distance while passing another agent
+_NEAR = 0.25  # metres; a nearer look-ahead point gives no direction
 _BRAKING = 1.5  # m/s2 before a stop
-_THERE, _REACHED = 0.15, 0.3  # metres from the place of a pause; to a waypoint, from where the next one counts
+_THERE, _REACHED = 0.15, 0.3  # metres at which the position of a pause, or a waypoint, is reached
 
 Vector2 = tuple[float, float]
 
@@ -54,7 +54,7 @@ class Route:
         self.metres = max(metres, self.path.start_of(self._leg))
 
     def pauses(self, seconds: float, standing: bool) -> bool:
-        """Return whether the pedestrian stands for a pause now."""
+        """Return whether the pedestrian pauses now."""
         if seconds < self._pausing_until:
             return True
         if self._next_pause < len(self._pauses):
@@ -78,7 +78,7 @@ class Route:
             x: position, metres.
             y: position, metres.
             speed: m/s.
-            passing: whether somebody is being passed; the pedestrian then returns to its path later.
+            passing: whether the pedestrian is passing another agent; it then returns to its path later.
         """
         look = max(_LEAST_LOOK, _LOOK_SECONDS * speed, min(abs(self.aside), 3.0))
         end = self.path.length
@@ -102,5 +102,5 @@ class Route:
 
 
 def braking_speed(distance: float) -> float:
-    """Return the speed from which one stops within a distance, m/s."""
+    """Return the maximum speed, m/s, from which a stop within a distance in metres is possible."""
     return math.sqrt(2.0 * _BRAKING * max(0.0, distance))

@@ -1,4 +1,4 @@
-"""What all pedestrians of a scene share: the ground, the roads, and solid things."""
+"""The static surroundings that all pedestrians of a scene share: ground, roads and obstacles."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.simulation.terrain import Ground
 from recipe_runtime.simulation.traffic.road_map import Junction, RoadMap
 
-SIGHT = 1.8  # metres within which solid things are avoided
-_CELL, _COARSE = 2.0, 32.0  # metres, of the cells in which obstacles and junctions are found
+SIGHT = 1.8  # metres within which obstacles are avoided
+_CELL, _COARSE = 2.0, 32.0  # metres, sizes of the grid cells for obstacles and for junctions
 _LEVEL = 0.1  # metres; higher ground is a sidewalk
 
 
 class Surroundings:
-    """The part of a scene that does not move.
+    """The static part of a scene.
 
     Attributes:
-        obstacles: Solid things; those near a position include all within `SIGHT`.
+        obstacles: Obstacles; a query near a position returns all within `SIGHT`.
     """
 
     def __init__(self, scene: ScenePlan, ground: Ground, roads: RoadMap) -> None:
-        """Collect what a scene has.
+        """Collect the static surroundings of a scene.
 
         Args:
             scene: The plan.

@@ -1,4 +1,4 @@
-"""The decisions of one pedestrian, ten times a second: walk, stand, wait at a kerb, keep beside a companion."""
+"""The decisions of one pedestrian, ten times a second: walk, pause, wait at a kerb, accompany another pedestrian."""
 
 from __future__ import annotations
 
@@ -23,46 +23,46 @@ if TYPE_CHECKING:
     from recipe_runtime.simulation.pedestrian import PedestrianAgent
 
 DT = 0.1  # seconds between decisions
-_COMFORT, _LEAST_COMFORT = 0.2, 0.02  # metres between two people; between two in a jam
-_APART = 0.42  # metres between the middles of two people, at least
-_TO_WALL, _TO_VEHICLE, _TO_COMPANION = 0.05, 0.2, 0.08  # metres kept to solid things, vehicles and companions
+_COMFORT, _LEAST_COMFORT = 0.2, 0.02  # metres between two people, usually and in a jam
+_APART = 0.42  # minimum distance between the middles of two people, metres
+_TO_WALL, _TO_VEHICLE, _TO_COMPANION = 0.05, 0.2, 0.08  # clearance to obstacles, vehicles and companions, metres
 _NEAR = 8.0  # metres within which others are avoided
-_BEHIND = -0.3  # metres ahead; who is farther behind is not avoided
-_FORESIGHT, _STILL = 1.5, 4.0  # seconds ahead for vehicles that move, and that stand
+_BEHIND = -0.3  # metres ahead; others farther behind are not avoided
+_FORESIGHT, _STILL = 1.5, 4.0  # seconds of prediction for moving and for stationary vehicles
 _STANDING = 0.15  # m/s
-_BLOCKED, _DETOUR = 2.0, 3.5  # seconds of standing until one goes round what is in the way, and for how long
-_AGAIN = 15.0  # seconds after such an attempt within which another one is a planned way
-_GOALS = (6.0, 9.0, 12.0, 3.0)  # metres ahead on the route of the places to which a way is planned
-_PASSING = 1.0  # seconds after a step aside for which one keeps to that side
-_ARRIVED, _CROWDED, _BACK = 0.02, 1.2, 0.6  # metres to the goal: there; near enough if others stand there; goes back
-_DECISION = 1.0  # metres before the kerb, beside the way to brake, where one decides whether to enter a road
-_NEAR_ROAD = 6.0  # metres before a road from which vehicles far away matter
-_HURRY, _FASTEST = 7.0, 1.7  # seconds for crossing a road at a traffic light, m/s
-_ASIDE, _FLIP = 0.7, 0.25  # metres between companions; metres to a side from which one keeps to it
+_BLOCKED, _DETOUR = 2.0, 3.5  # seconds of standing after which wide turns are permitted, and their duration
+_AGAIN = 15.0  # seconds after such an attempt within which a second one plans a path
+_GOALS = (6.0, 9.0, 12.0, 3.0)  # metres ahead on the route of the goals of such a path
+_PASSING = 1.0  # seconds after a sidestep during which the side is kept
+_ARRIVED, _CROWDED, _BACK = 0.02, 1.2, 0.6  # metres to the goal: reached; reached if it is occupied; left again
+_DECISION = 1.0  # metres before the kerb, in addition to the braking distance, at which a crossing is decided
+_NEAR_ROAD = 6.0  # metres before a road from which distant vehicles are considered
+_HURRY, _FASTEST = 7.0, 1.7  # duration of crossing at a traffic light, seconds, with at most this speed, m/s
+_ASIDE, _FLIP = 0.7, 0.25  # metres between companions; lateral offset, metres, from which the side is kept
 _LAG, _FAR_BEHIND, _LOST = 1.5, 3.0, 12.0  # metres between companions
-_WAIT_FOR = 20.0  # seconds that one waits for a companion at a kerb
+_WAIT_FOR = 20.0  # seconds to wait for a companion at a kerb
 
-Way = tuple[float, float, float, float]
+Segment = tuple[float, float, float, float]  # from kerb to kerb: x, y, x, y, metres
 
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What a pedestrian wants until the next decision."""
+    """The desired motion of a pedestrian until the next decision."""
 
     ux: float = 1.0  # direction, a unit vector
     uy: float = 0.0
     speed: float = 0.0  # m/s
     waits: bool = False  # at a kerb
-    crossing: Way | None = None  # the way over a road that it is on or about to enter
+    crossing: Segment | None = None  # the crossing that it is on or about to enter
     look: float = 0.0  # degrees to the left of its heading
 
 
 class Walker:
-    """Decides for one pedestrian.
+    """Makes the decisions of one pedestrian.
 
     Attributes:
-        leader: The pedestrian beside whom it walks.
-        near_road: Whether vehicles far away matter.
+        leader: The pedestrian that it accompanies.
+        near_road: Whether distant vehicles are considered.
     """
 
     def __init__(self, actor: ActorPlan, surroundings: Surroundings) -> None:
@@ -78,13 +78,13 @@ class Walker:
         self._arrived = not actor.route or actor.speed <= 0.0
 
     def decide(self, own: PedestrianAgent, others: Sequence[Agent], seconds: float, *, stands: bool) -> Wish:
-        """Return what the pedestrian wants.
+        """Return the desired motion.
 
         Args:
             own: The pedestrian.
-            others: Those in sight.
+            others: Agents in sight.
             seconds: Time since frame 0.
-            stands: Whether it must stand now.
+            stands: Whether it has to stand still.
         """
         if stands:
             return Wish(*own.heading)
@@ -97,11 +97,11 @@ class Walker:
         if route.pauses(seconds, own.speed < 0.5):
             return Wish(*own.heading, look=self._look_about(seconds))
         speed, stop = self._pace(own), route.to_stop()
-        crossing, on_road, waits, way = self._crossings.next(route.metres), False, False, None
+        crossing, on_road, waits, segment = self._crossings.next(route.metres), False, False, None
         if crossing is not None:
             on_road = route.metres > crossing.start - 0.1
             if on_road:
-                way = self._crossings.segment(crossing)
+                segment = self._crossings.segment(crossing)
                 if crossing.signal is not None:
                     speed = max(speed, min(_FASTEST, (crossing.end - crossing.start) / _HURRY))
             else:
@@ -112,7 +112,7 @@ class Walker:
                         waits = stop < 0.5
                         crossing.waited += DT if waits else 0.0
                     elif crossing.junction is not None:
-                        way = self._crossings.segment(crossing)
+                        segment = self._crossings.segment(crossing)
         self.near_road = crossing is not None and not on_road and crossing.start - route.metres < _NEAR_ROAD
         speed = min(speed, braking_speed(stop), 2.5 * stop)
         if waits and stop < 0.1:
@@ -120,10 +120,10 @@ class Walker:
         ux, uy = route.direction(own.x, own.y, own.speed, passing=seconds < self._passing_until)
         wish = self._avoid(own, others, (ux, uy), speed, stop, on_road=on_road, seconds=seconds)
         look = self._look_both_ways(seconds) if waits else self._look_at(own, own.follower, seconds)
-        return Wish(wish.ux, wish.uy, wish.speed, waits, way, look)
+        return Wish(wish.ux, wish.uy, wish.speed, waits, segment, look)
 
     def _is_there(self, own: PedestrianAgent) -> bool:
-        """Return whether it stands at its goal, or beside others who stand there."""
+        """Return whether it has reached its goal, or is near a goal that others occupy."""
         if self._actor.route and self._route.left < _CROWDED:
             distance = self._route.distance_to_goal(own.x, own.y)
             if distance < _ARRIVED or (distance < _CROWDED and self._stood > _BLOCKED - DT):
@@ -133,7 +133,7 @@ class Walker:
         return self._arrived
 
     def _pace(self, own: PedestrianAgent) -> float:
-        """Return the speed without others in the way: less if its companion has fallen behind."""
+        """Return the desired speed without obstacles: lower if its companion has fallen behind."""
         if own.follower is None:
             return self._actor.speed
         lag = _distance(own, own.follower)
@@ -149,7 +149,7 @@ class Walker:
     def _keep_beside(
         self, leader: PedestrianAgent, own: PedestrianAgent, others: Sequence[Agent], seconds: float
     ) -> Wish:
-        """Walk beside the leader, at its pace."""
+        """Return the motion that keeps the pedestrian at the leader's side, at its pace."""
         (hx, hy), dx, dy = leader.heading, own.x - leader.x, own.y - leader.y
         across = hx * dy - hy * dx
         self._beside = self._beside if abs(across) < _FLIP else (1 if across > 0.0 else -1)
@@ -180,7 +180,7 @@ class Walker:
         on_road: bool,
         seconds: float,
     ) -> avoidance.Choice:
-        """Return the direction and the speed that avoid others and solid things."""
+        """Return the direction and the speed that avoid others and obstacles."""
         wants = speed > 2.0 * _STANDING
         stands = own.velocity[0] * own.velocity[0] + own.velocity[1] * own.velocity[1] < _STANDING * _STANDING
         self._stood = self._stood + DT if wants and stands else max(0.0, self._stood - DT)
@@ -197,7 +197,7 @@ class Walker:
         return choice
 
     def _go_round(self, own: PedestrianAgent, others: Sequence[Agent], seconds: float) -> None:
-        """Go round what is in the way: by wide turns, and if that has not helped lately, on a planned way."""
+        """Start to go around an obstacle: by wide turns, or on a planned path if that has been tried recently."""
         again = seconds < self._blocked_at + _AGAIN
         self._blocked_at, self._stood = seconds, 0.0
         leader = self.leader
@@ -206,7 +206,7 @@ class Walker:
             self._detour_until = seconds + _DETOUR
 
     def _scene(self, own: PedestrianAgent, others: Sequence[Agent], ahead: tuple[float, float], on_road: bool) -> Scene:
-        """Return what is near."""
+        """Return the obstacles nearby."""
         x, y, radius, (ux, uy) = own.x, own.y, own.radius, ahead
         comfort = max(_LEAST_COMFORT, _COMFORT - 0.05 * self._stood)
         discs: list[Disc] = []
@@ -243,11 +243,11 @@ class Walker:
         return float(self._draw(seconds, 2.0) % 121) - 60.0
 
     def _look_both_ways(self, seconds: float) -> float:
-        """Return left, right and ahead in turn."""
+        """Return left, right and ahead in turn, degrees to the left."""
         return (60.0, -60.0, 0.0)[math.floor(seconds / 1.2) % 3]
 
     def _look_at(self, own: PedestrianAgent, other: PedestrianAgent | None, seconds: float) -> float:
-        """Return the direction to a companion from time to time, else ahead."""
+        """Return the direction to a companion from time to time, else ahead, degrees to the left."""
         if other is None or self._draw(seconds, 3.0) % 3:
             return 0.0
         hx, hy = own.heading

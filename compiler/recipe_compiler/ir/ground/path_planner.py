@@ -1,9 +1,9 @@
-"""Plans ways round obstacles for pedestrians: the shortest ones on the visibility graph of the corners in between.
+"""Plans paths of pedestrians around obstacles: shortest paths on the visibility graph of obstacle corners.
 
-A way is straight where the straight way is free. Otherwise the graph consists of the corners of the obstacles that
-block it, enlarged by the clearance; obstacles that block the shortest way so far are added until none does, and those
-that stand too near to the corners of others if there is no way without their own. The result is the shortest way round
-all obstacles; where some touch, it may be a longer one.
+A path is straight if the straight line is free. Otherwise the graph consists of the corners of the obstacles that block
+it, enlarged by the clearance. Obstacles that block the shortest path so far are added until none does; if there is no
+path, obstacles that cover the corners of others are added as well. The result is the shortest path around all
+obstacles, except that it may be longer where obstacles touch.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
 from recipe_compiler.ir.plan_types import fixed
 
 CLEARANCE = 0.35  # metres between the middle of a pedestrian and an obstacle
-BODY = 0.2  # metres; nobody's middle is nearer to an obstacle
-_OUTSIDE = 0.01  # metres from the clearance to the corners where routes bend
-_MAX_OBSTACLES = 160  # obstacles in one search; a way round more of them is not found
-_STEP, _RINGS = 0.25, 200  # metres between the free places that are tried, and the most rings of them
-_PLACE = 8  # a test of whether a place is clear, as tests of one obstacle
-_LEAST = 1e-6
+BODY = 0.2  # metres: minimum distance between the middle of a pedestrian and an obstacle
+_OUTSIDE = 0.01  # metres from the clearance to the corners where paths bend
+_MAX_OBSTACLES = 160  # in one search; paths around more of them are not found
+_STEP, _RINGS = 0.25, 200  # grid spacing of candidates for free positions, metres, and maximum number of rings
+_PLACE = 8  # cost of testing whether a position is clear, in tests of one obstacle
+_EPSILON = 1e-6  # metres
 
 XY = tuple[float, float]
 
 
 class TooManyObstaclesError(Exception):
-    """A way leads round too many obstacles."""
+    """A path leads around too many obstacles."""
 
 
 class TooMuchWorkError(Exception):
-    """Planning takes more work than is allowed for a whole recipe."""
+    """Planning takes more work than is allowed for a recipe."""
 
 
 class Work:
-    """The work allowed for planning, in tests of one obstacle; a million of them take about half a second."""
+    """The remaining work allowed for planning, in tests of one obstacle; a million take about half a second."""
 
-    def __init__(self, most: float = math.inf) -> None:
-        self.left = most
+    def __init__(self, limit: float = math.inf) -> None:
+        self.left = limit
 
     def spend(self, tests: float) -> None:
-        """Count some work.
+        """Subtract some work.
 
         Raises:
-            TooMuchWorkError: it is more than is left.
+            TooMuchWorkError: there is not enough left.
         """
         self.left -= tests
         if self.left < 0:
@@ -53,24 +53,24 @@ class Work:
 
 
 class Planner:
-    """Plans ways among obstacles. Equal questions have equal answers, until the work allowed is used up."""
+    """Plans paths among obstacles. Equal queries have equal results until the work allowed is used up."""
 
     def __init__(self, obstacles: ObstacleMap, work: float = math.inf, total: Work | None = None) -> None:
         """Create a planner.
 
         Args:
             obstacles: the obstacles.
-            work: straight ways that may be tested in all searches together.
+            work: number of line segments that all searches together may test.
             total: the work left for this and other planners; `TooMuchWorkError` is raised when it is used up.
         """
         self._obstacles, self._work, self._total = obstacles, work, total or Work()
 
     def inside(self, x: float, y: float, body: float = BODY) -> Obstacle | None:
-        """Return the obstacle in which a body at a position would be, or None."""
+        """Return an obstacle that a body at a position would intersect, or None."""
         return self._obstacles.at(x, y, body)
 
     def clear(self, x: float, y: float) -> bool:
-        """Return whether a position has the clearance to all obstacles."""
+        """Return whether a position keeps the clearance to all obstacles."""
         return self._obstacles.at(x, y, CLEARANCE) is None
 
     def nearest_free(
@@ -80,13 +80,13 @@ class Planner:
         allowed: Callable[[float, float], bool] = lambda x, y: True,
         work: Work | None = None,
     ) -> XY | None:
-        """Return the clear place nearest to a position, on a grid of 0.25 m; None if none is near.
+        """Return the clear position nearest to a position, on a grid of 0.25 m; None if there is none nearby.
 
         Args:
             x: position, metres.
             y: position, metres.
-            allowed: whether a place may be returned.
-            work: pays for it; by default the planner's own.
+            allowed: returns whether a position may be returned.
+            work: the work left for the search; by default the planner's.
         """
         work = work or self._total
         i0, j0 = math.floor(x / _STEP + 0.5), math.floor(y / _STEP + 0.5)
@@ -102,11 +102,11 @@ class Planner:
                     best = distance, at
         return None if best is None else best[1]
 
-    def way(self, start: XY, goal: XY) -> list[XY] | None:
-        """Return the waypoints of the shortest way, without the start; the goal is the last. None if there is none.
+    def shortest_path(self, start: XY, goal: XY) -> list[XY] | None:
+        """Return the waypoints of the shortest path, without the start, ending with the goal; None if there is no path.
 
         Raises:
-            TooManyObstaclesError: the way leads round too many obstacles, or the work allowed is used up.
+            TooManyObstaclesError: the path leads around too many obstacles, or the work allowed is used up.
         """
         found = self._blocking(start, goal, start, goal)
         search, points = _Search(self._obstacles, start, goal, self._total), [start, goal]
@@ -128,18 +128,18 @@ class Planner:
         return [*((fixed(x), fixed(y)) for x, y in points[1:-1]), goal]
 
     def _blocking(self, a: XY, b: XY, start: XY, goal: XY) -> list[Obstacle]:
-        """Return the obstacles that a straight way from `a` to `b` comes too near to."""
+        """Return the obstacles to which a straight line from `a` to `b` does not keep the margin."""
         self._total.spend(self._obstacles.cells_along((*a, *b)))
         across = self._obstacles.across((*a, *b), CLEARANCE)
         return [o for o in across if o.meets((*a, *b), margin(o, start, goal))]
 
 
 class _Search:
-    """A search for the shortest way among obstacles that grow in number."""
+    """A search for the shortest path among a growing set of obstacles."""
 
     def __init__(self, around: ObstacleMap, start: XY, goal: XY, total: Work) -> None:
         self.obstacles: list[Obstacle] = []
-        self.covering: list[Obstacle] = []  # those too near to corners of these for anybody to walk there
+        self.covering: list[Obstacle] = []  # obstacles that cover corners of these
         self._around, self._total = around, total
         self.tests = 0
         self._points = [start, goal]
@@ -150,7 +150,7 @@ class _Search:
         """Take obstacles into account.
 
         Raises:
-            TooManyObstaclesError: they are too many.
+            TooManyObstaclesError: there are too many obstacles.
         """
         start, goal = self._points[:2]
         for o in obstacles:
@@ -168,7 +168,7 @@ class _Search:
                     self.covering.append(over)
 
     def shortest(self) -> list[XY] | None:
-        """Return the shortest way from the start to the goal by A*; None if there is none."""
+        """Return the shortest path from the start to the goal by A*; None if there is none."""
         points = self._points
         cost, before = {0: 0.0}, {0: 0}
         queue, done = [(_distance(points[0], points[1]), 0)], set()
@@ -177,24 +177,24 @@ class _Search:
             if here in done:
                 continue
             if here == 1:
-                way = [1]
-                while way[-1]:
-                    way.append(before[way[-1]])
-                return [points[n] for n in reversed(way)]
+                path = [1]
+                while path[-1]:
+                    path.append(before[path[-1]])
+                return [points[n] for n in reversed(path)]
             done.add(here)
             before_here = self.tests
             for there in range(1, len(points)):
                 if there in done:
                     continue
                 through = cost[here] + _distance(points[here], points[there])
-                if through < cost.get(there, math.inf) - _LEAST and self._free(here, there):
+                if through < cost.get(there, math.inf) - _EPSILON and self._free(here, there):
                     cost[there], before[there] = through, here
                     heapq.heappush(queue, (through + _distance(points[there], points[1]), there))
             self._total.spend(self.tests - before_here + len(points))
         return None
 
     def _free(self, a: int, b: int) -> bool:
-        """Return whether the straight way between two points is free of the obstacles so far."""
+        """Return whether the straight line between two points is free of the obstacles so far."""
         key = (a, b) if a < b else (b, a)
         tested = self._tested.get(key, 0)
         if tested < 0:
@@ -210,8 +210,8 @@ class _Search:
 
 
 def margin(obstacle: Obstacle, start: XY, goal: XY) -> float:
-    """Return the distance to keep from an obstacle: the clearance, or less where the start or the goal is nearer."""
-    return min(CLEARANCE, *(max(0.0, obstacle.outside(x, y) - _LEAST) for x, y in (start, goal)))
+    """Return the distance to keep from an obstacle: the clearance, or less if the start or the goal is nearer."""
+    return min(CLEARANCE, *(max(0.0, obstacle.outside(x, y) - _EPSILON) for x, y in (start, goal)))
 
 
 def _ring(n: int) -> list[tuple[int, int]]:

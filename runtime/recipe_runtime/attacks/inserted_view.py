@@ -1,0 +1,100 @@
+"""A patch of mode `digital` as a function of its texture: a warp of the texture into the finished picture.
+
+The values of the pixels that show the patch are linear in the texture's sRGB values: W R texture, where R reduces the
+texture to about the size at which the picture shows it, and W interpolates it bilinearly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recipe_runtime.attacks.retextured_frame import RetexturedFrame
+from recipe_runtime.attacks.textures import Texture, Values, as_values
+from recipe_runtime.insertion.inserter import InsertedPixels
+from recipe_runtime.insertion.warp import neighbours
+from recipe_runtime.render.retexture.sparse import RowMatrix, SparseProduct, row_matrix
+
+
+class InsertedView:
+    """A patch of mode `digital` in a frame of a sensor.
+
+    Attributes:
+        pixels: Index, row by row, of each of the Q pixels that change with the texture, int64 [Q].
+        picture: The frame with the texture of the recipe, uint8 [H, W, 3].
+        products: R and W with their transposes; empty if the frame does not show the patch.
+    """
+
+    def __init__(self, frame: RetexturedFrame, patch: str, width: int, height: int) -> None:
+        self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
+        self.picture, found = frame.render({}), frame.inserted_pixels(patch)
+        self.pixels: NDArray[np.int64] = np.zeros(0, np.int64)
+        self.products: list[SparseProduct] = []
+        if found is not None:
+            self.pixels = found.rows * self.picture.shape[1] + found.columns
+            self.products = [SparseProduct(matrix, frame.scene.device) for matrix in _matrices(found, width, height)]
+
+    def forward(self, texture: Texture) -> Values:
+        """Return the picture for a texture, uint8 or 0 to 1, float64 [H, W, 3], 0 to 1, not rounded in the patch."""
+        out = self.picture / 255.0
+        values = np.clip(as_values(texture, self.shape), 0.0, 1.0).reshape(-1, 3)
+        if self.products:
+            reduction, warp = self.products
+            out.reshape(-1, 3)[self.pixels] = warp.forward(reduction.forward(values))
+        return out
+
+    def backward(self, texture: Texture, gradient: Values) -> Values:
+        """Return the vector-Jacobian product of `forward`.
+
+        Args:
+            texture: Where the derivative is taken, [h, w, 3]; it is 0 for values beyond 0 and 1.
+            gradient: Of the picture, [H, W, 3].
+
+        Returns:
+            The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
+        """
+        if not self.products:
+            return np.zeros(self.shape)
+        reduction, warp = self.products
+        back = reduction.backward(warp.backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64)))
+        values = as_values(texture, self.shape)
+        return np.where((values < 0.0) | (values > 1.0), 0.0, back.reshape(self.shape))
+
+    def render(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the picture for a texture, uint8 [H, W, 3], as `Scenario.render` does."""
+        return self._frame.render({self.patch: texture})
+
+    def rounded(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the picture for a texture by the linear map, rounded as a build rounds it."""
+        return np.floor(self.forward(texture) * 255.0 + 0.5).astype(np.uint8)
+
+
+def _matrices(pixels: InsertedPixels, width: int, height: int) -> tuple[RowMatrix, RowMatrix]:
+    """Return R and W for textures of a size."""
+    wide, high = pixels.reduced_size(width, height)
+    u, v = pixels.places()
+    (x0, x1, fx), (y0, y1, fy) = neighbours(u, wide), neighbours(v, high)
+    columns = np.stack([y0 * wide + x0, y0 * wide + x1, y1 * wide + x0, y1 * wide + x1], axis=1)
+    weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=1)
+    return _means(width, height, wide, high), _matrix(columns, weights, wide * high)
+
+
+def _means(width: int, height: int, wide: int, high: int) -> RowMatrix:
+    """Return the matrix of `warp.reduced`: the mean over the area of each new texel."""
+    (rows, down), (columns, across) = _overlaps(height, high), _overlaps(width, wide)
+    places = rows[:, None, :, None] * width + columns[None, :, None, :]
+    weights = down[:, None, :, None] * across[None, :, None, :]
+    return _matrix(places.reshape(wide * high, -1), weights.reshape(wide * high, -1), width * height)
+
+
+def _overlaps(length: int, size: int) -> tuple[NDArray[np.int64], Values]:
+    """Return which of `length` texels each of `size` new ones covers, and the share of each, [size, most]."""
+    starts = np.arange(size, dtype=np.int64)[:, None] * length  # in units of 1 / size of a texel
+    places = starts // size + np.arange(-(-length // size) + 1, dtype=np.int64)
+    common = np.minimum(places * size + size, starts + length) - np.maximum(places * size, starts)
+    return np.minimum(places, length - 1), np.maximum(common, 0) / float(length)
+
+
+def _matrix(columns: NDArray[np.int64], weights: Values, width: int) -> RowMatrix:
+    firsts = (np.arange(len(columns) + 1) * columns.shape[1]).astype(np.int32)
+    return row_matrix(firsts, columns.reshape(-1).astype(np.int32), weights.reshape(-1), width)

@@ -1,0 +1,110 @@
+"""A frame of a variant with other textures on its patches, whether these are rendered or inserted into the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.patches import PatchPlan
+from recipe_compiler.ir.plan import AppearancePlan, SensorPlan
+
+from recipe_runtime.core.interfaces import Observed
+from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.insertion.inserter import InsertedPixels, Inserter
+
+if TYPE_CHECKING:
+    from recipe_runtime.render.retexture.patched_frame import PatchedFrame
+
+Pixels = NDArray[np.uint8]
+
+
+class RetexturedFrame:
+    """A frame that is rendered again with other textures; it does not refer to the scene's renderer.
+
+    Colour transforms by a chart need a frame with the chart in the place of the patch, which is recorded as well: other
+    patches, with other textures, may lie beside it.
+    """
+
+    def __init__(
+        self, source: SceneSource, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int
+    ) -> None:
+        """Record the frame; arguments are those of `SceneSource.shade`."""
+        self._appearance, self._sensor, self._number = appearance, sensor, frame
+        self._inserter: Inserter = source.inserter
+        recorder = _Recorder(source, seen, sensor, frame)
+        self._inserter.picture(recorder, appearance, sensor, frame)
+        self._frames, self._maps = recorder.frames, recorder.maps
+
+    @property
+    def patches(self) -> tuple[PatchPlan, ...]:
+        """The patches of the appearance."""
+        return self._appearance.patches
+
+    @property
+    def scene(self) -> PatchedFrame:
+        """The frame without inserted textures."""
+        return self._frames[self._appearance.digest]
+
+    def render(self, textures: Mapping[str, Pixels]) -> Pixels:
+        """Return the picture with other textures, uint8 [H, W, 3] sRGB, as a build with them has it.
+
+        Args:
+            textures: Images by the name of the patch, uint8 [h, w, 3] sRGB; patches without one keep their own.
+        """
+        # The fields of a chart have the name of the patch that they replace: its texture is not theirs.
+        inserted = {patch.name for patch in self.patches if patch.inserted}
+        rendered = {name: texture for name, texture in textures.items() if name not in inserted}
+        replay = _Replay(self._frames, self._maps, rendered)
+        return self._inserter.picture(replay, self._appearance, self._sensor, self._number, textures)
+
+    def inserted_pixels(self, patch: str) -> InsertedPixels | None:
+        """Return the pixels into which a patch is inserted; None if it is not seen."""
+        number = [plan.name for plan in self.patches].index(patch)
+        shown = self._maps[self._appearance.digest]
+        return self._inserter.pixels(shown, self._appearance, number, self._sensor, self._number)
+
+    def texture_size(self, patch: PatchPlan) -> tuple[int, int] | None:
+        """Return width and height of a patch's own image; None for a colour."""
+        if patch.inserted:
+            return self._inserter.texture_size(patch, self._number)
+        return self.scene.texture_size(patch.name)
+
+
+@dataclass
+class _Recorder:
+    """A renderer of one frame that keeps what it renders, by the digest of the appearance."""
+
+    source: SceneSource
+    seen: Observed
+    sensor: SensorPlan
+    frame: int
+    frames: dict[str, PatchedFrame] = field(default_factory=dict)
+    maps: dict[str, Pixels] = field(default_factory=dict)
+
+    def picture(self, appearance: AppearancePlan) -> Pixels:
+        frame = self.source.patched_frame(self.seen, appearance, self.sensor, self.frame)
+        self.frames[appearance.digest] = frame
+        return frame.render({})
+
+    def patch_map(self, appearance: AppearancePlan) -> Pixels:
+        shown = self.source.patch_map(self.seen, appearance, self.frame).copy()
+        self.maps[appearance.digest] = shown
+        return shown
+
+
+@dataclass(frozen=True)
+class _Replay:
+    """Renders what was recorded, with other textures on rendered patches."""
+
+    frames: dict[str, PatchedFrame]
+    maps: dict[str, Pixels]
+    textures: Mapping[str, Pixels]
+
+    def picture(self, appearance: AppearancePlan) -> Pixels:
+        return self.frames[appearance.digest].render(self.textures)
+
+    def patch_map(self, appearance: AppearancePlan) -> Pixels:
+        return self.maps[appearance.digest]
