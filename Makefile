@@ -122,9 +122,9 @@ paper: install-dev  ## measure the paper's studies and renew its tables and pict
 	$(BIN)/python -m benchmarks.paper
 	$(BIN)/python -m benchmarks.insertion
 
-attack-study: install-dev  ## attack a detector trained on photographs, and redraw docs/paper/attack_study.jpg; PyTorch is installed for it
+attack-study: install-dev  ## attack a detector trained on photographs, and write the tables of docs/attack-study.md; PyTorch is installed for it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
-	$(BIN)/python -m examples.attacks.study --sheet docs/paper/attack_study.jpg
+	$(BIN)/python -m examples.attacks.study --page docs/attack-study.md
 
 verify: install  ## re-render sample frames and compare them with the lockfiles
 	$(BIN)/recipe verify $(LOCKED)

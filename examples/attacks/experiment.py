@@ -26,11 +26,11 @@ ONE, MANY = ("sun",), ("sun", "shade", "cloudy", "soft_rain", "fog", "sunset")
 HELD_OUT = ("early", "cloudy_sunset", "hard_rain", "dense_fog", "dust", "night")
 SIZE = (54, 36)  # texels: height, width
 REACH = 0.2  # by which a texel may differ from the logo, per channel
-BATCH = 4  # frames in a step
+BATCH = 3  # frames in a step
 MIN_VISIBLE = 0.95  # share of the poster that frames of the study show
 
 _TRAINING_RUNS, _TEST_RUNS = ("", "#2"), ("#3", "#4")
-_TRAINING_FRAMES = (1, 8, 15, 22)
+_TRAINING_FRAMES = (2, 12, 22)
 _TEST_FRAMES = (6, 18)
 
 
@@ -94,7 +94,7 @@ class Experiment:
         """Return, for each weather, the cosine between the exact and the false gradient at a texture."""
         found = {}
         for weather in (*MANY, *HELD_OUT):
-            places = tuple(place for place in self.test if place[0].startswith(f"weather={weather}#"))[:1]
+            places = tuple(place for place in self.test if weather_of(place[0]) == weather)[:1]
             goal = self._goal(places)
             exact, false = (
                 gradient(self._views(kind, places), goal, texture, 0).flatten()
@@ -103,16 +103,11 @@ class Experiment:
             found[weather] = float(torch.nn.functional.cosine_similarity(exact, false, dim=0))
         return found
 
-    def weathers(self) -> list[str]:
-        """Return the weather of each test frame."""
-        return [variant.partition("=")[2].partition("#")[0] for variant, _ in self.test]
-
-    def seen(self, texture: torch.Tensor, number: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return a test frame with a texture, [3, 300, 300], 0 to 1, and the box [4] in which the goal scores most."""
-        view = self._views("rendered", tuple(self.test))
+    def seen(self, texture: torch.Tensor, place: Place) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return a frame with a texture, [3, 300, 300], 0 to 1, and the box [4] in which the goal scores most."""
+        view = self._views("rendered", (place,))
         with torch.no_grad():
-            pictures = view.pictures(texture, batch=1, step=number)
-            return pictures[0], self._goal(self.test).best(view, texture, [number])[1][0]
+            return view.pictures(texture)[0], self._goal(view.frames).best(view, texture, [0])[1][0]
 
     def _outcome(self, texture: torch.Tensor, losses: list[float], digital: bool) -> Outcome:
         goal, places = self._goal(self.test), tuple(self.test)
@@ -148,6 +143,11 @@ class Experiment:
     def _visible(self, run: str, frame: int) -> bool:
         share = patch_record(self._scenarios[f"weather=sun{run}"], PATCH, frame)["visible_fraction"]
         return share is not None and share >= MIN_VISIBLE
+
+
+def weather_of(variant: str) -> str:
+    """Return the weather of a variant's name."""
+    return variant.partition("=")[2].partition("#")[0]
 
 
 def noise(seed: int) -> torch.Tensor:

@@ -3,101 +3,72 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from benchmarks.pages import Table
 from benchmarks.paper import sheets
-from benchmarks.paper.__main__ import markdown
-from examples.attacks.experiment import HELD_OUT, MANY, ONE, Experiment, Outcome
+from examples.attacks.experiment import HELD_OUT, MANY, ONE, Experiment, weather_of
 from examples.attacks.intervals import Interval, over_seeds, paired
+from examples.attacks.results import FOUND, Results
 
-FOUND = 0.5  # score from which a person counts as found
-GROUPS = {"sun": ONE, "five other weathers of the attack": MANY[1:], "six held-out weathers": HELD_OUT}
+GROUPS = {"sun": ONE, "five other weathers": MANY[1:], "six held-out weathers": HELD_OUT}
 
-_SHOWN_WEATHERS = ("sun", "shade", "fog", "hard_rain", "dust", "night")
-_SHOWN = ("logo", "digital", "one weather", "many weathers")
 _DIFFERENCES = (
     ("many weathers", "one weather"),
     ("many weathers", "digital"),
     ("many weathers", "many weathers, false gradient"),
 )
-_SHOWN_MOMENT = 1  # of the moments that are tested
-_BOX_COLOUR = (255, 230, 40)
-
-Table = list[dict[str, str]]
-
-
-@dataclass(frozen=True)
-class Results:
-    """What the study measured.
-
-    Attributes:
-        weathers: Of each test frame.
-        outcomes: By attack or texture, one a seed.
-        cosines: Between exact and false gradient, by weather, one a seed.
-    """
-
-    weathers: list[str]
-    outcomes: dict[str, list[Outcome]]
-    cosines: list[dict[str, float]]
-
-    def found(self, name: str, weathers: Sequence[str]) -> list[float]:
-        """Return, for each seed, the percentage of the test frames of some weathers in which a person is found."""
-        return [100 * float(np.mean(scores >= FOUND)) for scores in self.scores(name, weathers)]
-
-    def scores(self, name: str, weathers: Sequence[str], inserted: bool = False) -> list[NDArray[np.float64]]:
-        """Return the scores of each seed in the test frames of some weathers."""
-        chosen = np.isin(self.weathers, weathers)
-        return [np.array(o.inserted if inserted else o.rendered)[chosen] for o in self.outcomes[name]]
+_SHOWN = ("logo", "digital", "one weather", "many weathers")
+_SHOWN_WEATHERS = ("sun", "shade", "fog", "hard_rain", "dust", "night")
+_SHOWN_FRAME = 18
+_CELL, _BOX_COLOUR, _BOX_WIDTH = 160, (255, 230, 40), 4  # pixels
 
 
-def tables(results: Results) -> list[str]:
-    """Return the study's tables as Markdown."""
-    return [markdown(table(results)) for table in (_by_group, _by_weather, _differences, _gradients)]
+def tables(results: Results) -> dict[str, Table]:
+    """Return the study's tables by name."""
+    return {
+        "success": _success(results),
+        "scores by weather": _by_weather(results),
+        "differences": _differences(results),
+        "gradients": _gradients(results),
+    }
 
 
 def draw(results: Results, experiment: Experiment, path: Path) -> None:
-    """Write a sheet of textures in weathers, with the detector's score and its box where it finds a person."""
+    """Write a sheet of textures in weathers, with the score, and the box where a person is found."""
     cells = []
     for name in _SHOWN:
         outcome = results.outcomes[name][0]
-        cells.append((name, _pixels(outcome.texture[0])))
+        cells.append((name, _pixels(torch.nn.functional.pad(outcome.texture[0], (9, 9, 0, 0), value=1.0))))
         for weather in _SHOWN_WEATHERS:
-            number = results.weathers.index(weather) + _SHOWN_MOMENT * len(set(results.weathers))
-            picture, box = experiment.seen(outcome.texture, number)
-            score = outcome.rendered[number]
-            pixels = _pixels(picture)
+            number = _frame_of(results, weather)
+            picture, box = experiment.seen(outcome.texture, results.frames[number])
+            pixels, score = _pixels(picture), outcome.rendered[number]
             if score >= FOUND:
                 _outline(pixels, box)
-            cells.append((f"{weather.replace('_', ' ')}: {score:.2f}", pixels))
-    sheets.save(cells, len(_SHOWN_WEATHERS) + 1, path, (200, 200))
+            cells.append((f"{_words(weather)}: {score:.2f}", pixels))
+    sheets.save(sheets.Sheet(tuple(cells), len(_SHOWN_WEATHERS) + 1, (_CELL, _CELL)), path)
 
 
-def _by_group(results: Results) -> Table:
-    rows = []
-    for name in results.outcomes:
-        row = {"texture": name}
-        for group, weathers in GROUPS.items():
-            row[group] = f"{_text(over_seeds(results.found(name, weathers)))} %"
-        row["score, held-out weathers"] = f"{np.mean(results.scores(name, HELD_OUT)):.2f}"
-        rows.append(row)
-    inserted = [100 * float(np.mean(scores >= FOUND)) for scores in results.scores("digital", HELD_OUT, True)]
-    score = np.mean(results.scores("digital", HELD_OUT, True))
-    last = {"texture": "digital, as the attack sees it", "six held-out weathers": f"{_text(over_seeds(inserted))} %"}
-    for group in (*GROUPS, "score, held-out weathers"):
-        last.setdefault(group, "")
-    last["score, held-out weathers"] = f"{score:.2f}"
-    return [*rows, last]
+def _success(results: Results) -> Table:
+    rows = [_success_row(results, name, name) for name in results.outcomes]
+    return [*rows, _success_row(results, "digital", "digital, inserted digitally", inserted=True)]
+
+
+def _success_row(results: Results, name: str, title: str, inserted: bool = False) -> dict[str, str]:
+    rates = {
+        group: f"{_text(over_seeds(results.found(name, weathers, inserted)))} %" for group, weathers in GROUPS.items()
+    }
+    return {"texture": title, **rates, "mean score": f"{np.mean(results.scores(name, HELD_OUT, inserted)):.2f}"}
 
 
 def _by_weather(results: Results) -> Table:
     return [
-        {"weather": weather.replace("_", " ")}
+        {"weather": _words(weather)}
         | {name: f"{np.mean(results.scores(name, [weather])):.2f}" for name in results.outcomes}
         for weather in (*MANY, *HELD_OUT)
     ]
@@ -109,23 +80,35 @@ def _differences(results: Results) -> Table:
         row = {"attack": name, "less": other}
         for group, weathers in GROUPS.items():
             apart = paired(results.found(name, weathers), results.found(other, weathers))
-            row[group] = f"{_text(apart, sign=True)}{' *' if apart.excludes_zero else ''}"
+            row[group] = f"{_text(apart, sign='+')}{' *' if apart.excludes_zero else ''}"
+        score = paired(*([float(np.mean(s)) for s in results.scores(n, HELD_OUT)] for n in (name, other)))
+        row["mean score"] = f"{_text(score, 2, '+')}{' *' if score.excludes_zero else ''}"
         rows.append(row)
     return rows
 
 
 def _gradients(results: Results) -> Table:
     return [
-        {
-            "weather": weather.replace("_", " "),
-            "cosine": _text(over_seeds([row[weather] for row in results.cosines]), 3),
-        }
+        {"weather": _words(weather), "cosine": _text(over_seeds([row[weather] for row in results.cosines]), 3)}
         for weather in (*MANY, *HELD_OUT)
     ]
 
 
-def _text(interval: Interval, digits: int = 0, sign: bool = False) -> str:
-    mean = f"{interval.mean:{'+' if sign else ''}.{digits}f}"
+def _frame_of(results: Results, weather: str) -> int:
+    """Return the index of the test frame that the sheet shows of a weather."""
+    return next(
+        number
+        for number, (variant, frame) in enumerate(results.frames)
+        if weather_of(variant) == weather and frame == _SHOWN_FRAME
+    )
+
+
+def _words(weather: str) -> str:
+    return weather.replace("_", " ")
+
+
+def _text(interval: Interval, digits: int = 0, sign: str = "") -> str:
+    mean = f"{interval.mean:{sign}.{digits}f}"
     return mean if math.isnan(interval.half) else f"{mean} ± {interval.half:.{digits}f}"
 
 
@@ -135,11 +118,11 @@ def _pixels(picture: torch.Tensor) -> NDArray[np.uint8]:
 
 
 def _outline(pixels: NDArray[np.uint8], box: torch.Tensor) -> None:
-    """Draw a box, x0, y0, x1, y1, three pixels wide."""
+    """Draw a box, x0, y0, x1, y1."""
     height, width = pixels.shape[:2]
     x0, y0, x1, y1 = (int(v) for v in box.round().tolist())
-    rows, columns = slice(max(y0, 0), min(y1, height)), slice(max(x0, 0), min(x1, width))
-    inner = slice(rows.start + 3, rows.stop - 3), slice(columns.start + 3, columns.stop - 3)
+    left, top, right, bottom = max(x0, 0), max(y0, 0), min(x1, width), min(y1, height)
+    inner = slice(top + _BOX_WIDTH, bottom - _BOX_WIDTH), slice(left + _BOX_WIDTH, right - _BOX_WIDTH)
     kept = pixels[inner].copy()
-    pixels[rows, columns] = _BOX_COLOUR
+    pixels[top:bottom, left:right] = _BOX_COLOUR
     pixels[inner] = kept

@@ -1,46 +1,49 @@
-"""The study of docs/attack-study.md: attacks on a detector trained on photographs, with tables and a sheet.
+"""The study of docs/attack-study.md: attacks on a detector trained on photographs.
 
-    python -m examples.attacks.study --output attack-study
+    python -m examples.attacks.study --output datasets/attack-study
 
-Requires `torch` and `tflite`. Everything is seeded; runs of equal textures differ between CPUs in the last digits only
-as far as PyTorch's convolutions do.
+Requires `torch` and `tflite`. All seeds are fixed. Other CPUs give slightly different results, as far as PyTorch's
+convolutions do.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
 import resource
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from functools import cache
 from pathlib import Path
 
 import torch
-from recipe_runtime.core import codecs
-from recipe_runtime.torch import Place
 
+from benchmarks.pages import markdown, write_table
 from examples.attacks.experiment import ATTACKS, Experiment, Outcome, logo, noise, start
-from examples.attacks.report import Results, draw, tables
+from examples.attacks.report import draw, tables
+from examples.attacks.results import Results, read, write
 
-SEEDS, STEPS, WORKERS = 5, 40, 2
+SEEDS, STEPS, WORKERS = 3, 30, 2
+COMMAND = "make attack-study"
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the study: write textures, scores and the sheet, and print the tables."""
+    """Run the study, write textures, scores and the sheet, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--output", type=Path, default=Path("attack-study"), help="folder to write to")
-    parser.add_argument("--sheet", type=Path, help="file of the sheet; sheet.jpg in that folder by default")
+    parser.add_argument("--output", type=Path, default=Path("datasets/attack-study"), help="folder to write to")
+    parser.add_argument("--again", action="store_true", help="report what this folder has, and measure nothing")
+    parser.add_argument("--page", type=Path, help="page to write the tables into; the sheet lies beside it")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="attacks of each kind, 2 to 10")
     parser.add_argument("--steps", type=int, default=STEPS, help="steps of an attack")
-    parser.add_argument("--workers", type=int, default=WORKERS, help="processes of one thread each")
+    parser.add_argument("--workers", type=int, default=WORKERS, help="processes, of one thread each")
     options = parser.parse_args(arguments)
-    results = run(options.seeds, options.steps, options.workers)
-    options.output.mkdir(parents=True, exist_ok=True)
-    write(results, experiment().test, options.output)
-    draw(results, experiment(), options.sheet or options.output / "sheet.jpg")
-    print("\n\n".join(tables(results)))
+    if not options.again:
+        write(run(options.seeds, options.steps, options.workers), options.output)
+    results = read(options.output)
+    for name, table in tables(results).items():
+        print(f"\n{name}\n\n{markdown(table)}", flush=True)
+        if options.page:
+            write_table(options.page, f"{COMMAND}: {name}", table)
+    draw(results, experiment(), options.page.with_suffix(".jpg") if options.page else options.output / "sheet.jpg")
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     print(f"\n{sum(use.ru_utime + use.ru_stime for use in used) / 60:.1f} minutes of processor time")
 
@@ -49,35 +52,15 @@ def run(seeds: int, steps: int, workers: int) -> Results:
     """Attack and test, in processes of one thread each."""
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, spawn, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        attacks = {name: [pool.submit(_attack, name, seed, steps) for seed in range(seeds)] for name in ATTACKS}
-        plain = {
+        jobs: dict[str, list[Future[Outcome]]] = {
             "logo": [pool.submit(_test, logo())],
             "random texture": [pool.submit(_test, noise(seed)) for seed in range(seeds)],
             "noise on the logo": [pool.submit(_test, start(seed)) for seed in range(seeds)],
         }
+        jobs |= {name: [pool.submit(_attack, name, seed, steps) for seed in range(seeds)] for name in ATTACKS}
         cosines = [pool.submit(_cosines, start(seed)) for seed in range(seeds)]
-        outcomes = {name: [job.result() for job in jobs] for name, jobs in (plain | attacks).items()}
-        return Results(experiment().weathers(), outcomes, [job.result() for job in cosines])
-
-
-def write(results: Results, test: Sequence[Place], folder: Path) -> None:
-    """Write each texture as a PNG, and all scores as JSON."""
-    rows = []
-    for name, seed, outcome in _rows(results):
-        slug = f"{name.replace(', ', '-').replace(' ', '-')}-{seed}"
-        pixels = (outcome.texture[0] * 255).round().to(torch.uint8).permute(1, 2, 0).numpy()
-        (folder / f"{slug}.png").write_bytes(codecs.png(pixels))
-        rows.append({"name": name, "seed": seed, "losses": outcome.losses, "rendered": outcome.rendered})
-        rows[-1]["inserted"] = outcome.inserted
-    frames = [[variant, frame] for variant, frame in test]
-    body = {"frames": frames, "results": rows, "cosines": results.cosines}
-    (folder / "results.json").write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
-
-
-def _rows(results: Results) -> Iterator[tuple[str, int, Outcome]]:
-    for name, outcomes in results.outcomes.items():
-        for seed, outcome in enumerate(outcomes):
-            yield name, seed, outcome
+        outcomes = {name: [job.result() for job in seeded] for name, seeded in jobs.items()}
+        return Results(experiment().test, outcomes, [job.result() for job in cosines])
 
 
 @cache
