@@ -13,8 +13,7 @@ import urllib.error
 import urllib.request
 
 from recipe_compiler.ir.errors import RunError
-from recipe_runtime.cache.store import default_cache
-from recipe_runtime.core.files import write_atomic
+from recipe_runtime.cache.store import Store
 
 PACKAGE, VERSION = "@mediapipe/objectron", "0.4.1675468480"
 PACKAGE_SHA256 = "fc3e37b326b05e8f596099c90b3e0931b05a56cd3160b9ac450b621794bac94c"
@@ -34,14 +33,11 @@ def detector_file() -> bytes:
     Raises:
         RunError: The registry does not answer, or sends another file.
     """
-    kept = default_cache() / "detectors" / f"{MODEL_SHA256}.tflite"
-    if kept.exists():
-        model = kept.read_bytes()
-        if _sha256(model) == MODEL_SHA256:
-            return model
-    model = unpacked(_fetched())
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(kept, model)
+    store = Store()
+    model = store.get("downloads", MODEL_SHA256)
+    if model is None:
+        model = unpacked(_fetched())
+        store.put("downloads", MODEL_SHA256, model)
     return model
 
 
@@ -71,10 +67,6 @@ def _fetched() -> bytes:
 
 
 def _check(name: str, body: bytes, wanted: str) -> None:
-    found = _sha256(body)
+    found = hashlib.sha256(body).hexdigest()
     if found != wanted:
         raise RunError(f"{name} has the SHA-256 {found}, not {wanted}; fetch it from {DEFAULT_REGISTRY}")
-
-
-def _sha256(body: bytes) -> str:
-    return hashlib.sha256(body).hexdigest()

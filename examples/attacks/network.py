@@ -64,6 +64,9 @@ class _Convolution(torch.nn.Module):
         clipped: Whether ReLU6 follows.
     """
 
+    _kernel: torch.Tensor
+    _bias: torch.Tensor
+
     def __init__(self, kernel: torch.Tensor, bias: torch.Tensor, stride: int, depthwise: bool, clipped: bool) -> None:
         super().__init__()
         self.register_buffer("_kernel", kernel.permute((3, 0, 1, 2) if depthwise else (0, 3, 1, 2)).contiguous())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.pages import Table
 from benchmarks.paper import sheets
-from examples.attacks.experiment import HELD_OUT, MANY, ONE, Experiment, weather_of
+from examples.attacks.experiment import BATCH, HELD_OUT, MANY, ONE, REACH, SIZE, Experiment, weather_of
 from examples.attacks.intervals import Interval, over_seeds, paired
 from examples.attacks.results import FOUND, Results
 
@@ -35,6 +35,7 @@ def tables(results: Results) -> dict[str, Table]:
         "scores by weather": _by_weather(results),
         "differences": _differences(results),
         "gradients": _gradients(results),
+        "settings": _settings(results),
     }
 
 
@@ -92,6 +93,19 @@ def _gradients(results: Results) -> Table:
         {"weather": _words(weather), "cosine": _text(over_seeds([row[weather] for row in results.cosines]), 3)}
         for weather in (*MANY, *HELD_OUT)
     ]
+
+
+def _settings(results: Results) -> Table:
+    attacks = results.outcomes["many weathers"]
+    settings = {
+        "seeds of each attack": len(attacks),
+        "steps": len(attacks[0].losses),
+        "frames in a step": BATCH,
+        "test frames": len(results.frames),
+        "texels": f"{SIZE[1]} x {SIZE[0]}",
+        "largest change of a texel": REACH,
+    }
+    return [{name: str(value) for name, value in settings.items()}]
 
 
 def _frame_of(results: Results, weather: str) -> int:

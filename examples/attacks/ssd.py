@@ -30,6 +30,8 @@ class PhotographDetector(torch.nn.Module):
         network: From pictures [n, 300, 300, 3], -1 to 1, to box encodings [n, 1917, 4] and logits [n, 1917, 24].
     """
 
+    _anchors: torch.Tensor
+
     def __init__(self, network: torch.nn.Module) -> None:
         super().__init__()
         self.network = network

@@ -2,8 +2,7 @@
 
     python -m examples.attacks.study --output datasets/attack-study
 
-Requires `torch` and `tflite`. All seeds are fixed. Other CPUs give slightly different results, as far as PyTorch's
-convolutions do.
+Requires `torch` and `tflite`. All seeds are fixed; PyTorch's convolutions may differ between CPUs in their last digits.
 """
 
 from __future__ import annotations

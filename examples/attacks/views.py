@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import pycocotools.mask
 import torch
+from recipe_runtime.annotate.masks import unpacked
 from recipe_runtime.attacks.truth import PatchRecord
 from recipe_runtime.scenario import Scenario
 from recipe_runtime.torch import Place, SceneView
@@ -103,6 +103,6 @@ def _part(scenario: Scenario, patch: str, frame: int) -> tuple[torch.Tensor, tor
     record = patch_record(scenario, patch, frame)
     if record["counts"] is None or record["homography"] is None:
         raise ValueError(f"{scenario.variant} shows no rectangle {patch} in frame {frame}")
-    mask = pycocotools.mask.decode({"size": [height, width], "counts": record["counts"].encode()}).astype(np.bool_)
+    mask = unpacked(record["counts"], width, height) > 0
     grid = sampling_grid(record["homography"], width, height)
     return torch.tensor(picture.transpose(2, 0, 1)), torch.tensor(mask), grid

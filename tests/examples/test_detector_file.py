@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import io
 import tarfile
+import urllib.request
 from pathlib import Path
 from typing import Any
 
 import pytest
 from recipe_compiler.ir.errors import RunError
+from recipe_runtime.cache.store import Store
 
 from examples.attacks import detector_file as module
 
@@ -36,7 +38,7 @@ def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path))
     monkeypatch.setenv("npm_config_registry", "https://registry.example/npm/")
-    monkeypatch.setattr(module.urllib.request, "urlopen", urlopen)
+    monkeypatch.setattr(urllib.request, "urlopen", urlopen)
     monkeypatch.setattr(module, "PACKAGE_SHA256", hashlib.sha256(body).hexdigest())
     monkeypatch.setattr(module, "MODEL_SHA256", hashlib.sha256(MODEL).hexdigest())
     return fetched
@@ -48,12 +50,12 @@ def test_it_is_fetched_once(registry: list[str]) -> None:
     assert registry == [f"https://registry.example/npm/@mediapipe/objectron/-/objectron-{version}.tgz"]
 
 
-def test_a_damaged_file_in_the_cache_is_fetched_again(registry: list[str], tmp_path: Path) -> None:
+def test_a_damaged_file_in_the_cache_is_fetched_again(registry: list[str]) -> None:
     module.detector_file()
-    (kept,) = tmp_path.rglob("*.tflite")
-    kept.write_bytes(MODEL[:-1])
+    kept = Store().path("downloads", module.MODEL_SHA256)
+    kept.write_bytes(kept.read_bytes()[:-1])
     assert module.detector_file() == MODEL and len(registry) == 2
-    assert kept.read_bytes() == MODEL
+    assert module.detector_file() == MODEL and len(registry) == 2
 
 
 @pytest.mark.parametrize("constant", ["PACKAGE_SHA256", "MODEL_SHA256"])
@@ -63,13 +65,13 @@ def test_other_bytes_are_refused_and_not_kept(
     monkeypatch.setattr(module, constant, "0" * 64)
     with pytest.raises(RunError, match="not 0000"):
         module.detector_file()
-    assert not list(tmp_path.rglob("*.tflite"))
+    assert not list(tmp_path.rglob("downloads"))
 
 
 def test_no_answer_is_the_hosts_failure(registry: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     def unreachable(url: str, timeout: float) -> Any:
         raise OSError("no route")
 
-    monkeypatch.setattr(module.urllib.request, "urlopen", unreachable)
+    monkeypatch.setattr(urllib.request, "urlopen", unreachable)
     with pytest.raises(RunError, match="no route; try again later"):
         module.detector_file()

@@ -10,8 +10,8 @@ import pytest
 pytestmark = pytest.mark.torch
 torch = pytest.importorskip("torch")
 
-NAMES = ("logo", "random texture", "noise on the logo", "digital", "one weather", "many weathers")
-NAMES = (*NAMES, "many weathers, false gradient")
+ATTACKED = ("digital", "one weather", "many weathers", "many weathers, false gradient")
+NAMES = ("logo", "random texture", "noise on the logo", *ATTACKED)
 
 
 @pytest.fixture
@@ -33,13 +33,14 @@ def test_rates_are_those_of_the_scores(results: Any) -> None:
     from benchmarks.pages import markdown
     from examples.attacks.report import tables
 
-    groups, weathers, differences, cosines = (markdown(table) for table in tables(results).values())
+    groups, weathers, differences, cosines, settings = (markdown(table) for table in tables(results).values())
     rows = {row.split(" | ")[0].strip("| "): row.strip("| ").split(" | ") for row in groups.split("\n")}
     assert rows["logo"][1:] == ["50 %", "0 %", "0 %", "0.20"]
     assert rows["many weathers"][1:] == ["100 ± 0 %", "100 ± 0 %", "100 ± 0 %", "0.80"]
     assert rows["digital, inserted digitally"][3:] == ["100 ± 0 %", "0.80"]
     assert "| sun | 0.50 |" in weathers and "| night | 0.20 |" in weathers
     assert "| many weathers | digital | +50 ± 0 * | +100 ± 0 * | +100 ± 0 * | +0.60 ± 0.00 * |" in differences
+    assert "| 3 | 2 | 3 | 24 | 36 x 54 | 0.2 |" in settings
     assert "| fog | 0.600 ± 0.248 |" in cosines  # 4.303 * 0.1 / sqrt(3)
 
 
@@ -73,3 +74,16 @@ def test_the_sheet_marks_people_that_are_found(results: Any, tmp_path: Path) -> 
     marked = (pixels[..., 0] > 180) & (pixels[..., 2] < 110)
     cells = [marked[row * 190 : row * 190 + 160, 166:].any() for row in range(4)]
     assert cells == [False, False, False, True]
+
+
+def test_the_page_has_every_table_and_the_sheet(results: Any) -> None:
+    from benchmarks.pages import table_of
+    from examples.attacks.report import tables
+    from examples.attacks.study import COMMAND
+    from tests.sources import ROOT
+
+    page = ROOT / "docs" / "attack-study.md"
+    for name, table in tables(results).items():
+        kept = table_of(page, f"{COMMAND}: {name}").splitlines()
+        assert kept[0] == "| " + " | ".join(table[0]) + " |" and len(kept) == len(table) + 2, name
+    assert f"({page.stem}.jpg)" in page.read_text() and page.with_suffix(".jpg").stat().st_size < 100_000

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.torch
 torch = pytest.importorskip("torch")
 
 
-class FixedNetwork(torch.nn.Module):
+class FixedNetwork(torch.nn.Module):  # type: ignore[name-defined, misc, unused-ignore]
     """Logits that depend on the first pixel's red value, and boxes that are the anchors."""
 
     def __init__(self, places: dict[tuple[int, int], float]) -> None:
