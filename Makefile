@@ -97,7 +97,7 @@ fuzz: install-dev  ## feed broken files to every loader, guided by coverage (FUZ
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'atheris==3.0.0'
 	for target in $$($(BIN)/python -m tests.fuzz); do \
 	  echo "fuzz $$target"; \
-	  timeout $$(( $(or $(FUZZ_SECONDS),60) + 60 )) $(BIN)/python -m tests.fuzz $$target \
+	  timeout $$(( $(or $(FUZZ_SECONDS),60) + 300 )) $(BIN)/python -m tests.fuzz $$target \
 	    -max_total_time=$(or $(FUZZ_SECONDS),60) -verbosity=0; \
 	done
 

@@ -67,7 +67,7 @@ def main() -> int:
                 found.setdefault(name, []).append(float(difference.mean()))
             if frame == SHOWN:
                 rows.append((f"{weather} {hour}", [cropped(picture, mask) for picture in pictures.values()]))
-        means = {TITLES[name]: f"{np.mean(values):.1f}" for name, values in found.items() if name != "rendered"}
+        means = {f"`{name}`": f"{np.mean(values):.1f}" for name, values in found.items() if name != "rendered"}
         table.append({"weather": weather, "hour": hour, **means})
     print(markdown(table))
     if not check:

@@ -1,4 +1,4 @@
-"""Tier A: equal bytes on any x86-64 CPU, held against CPUs that are emulated whole (Debian's qemu-user).
+"""Tier A: equal bytes on any x86-64 CPU, tested on emulated CPUs (Debian's qemu-user).
 
 Every process of the verification runs on the emulated CPU: the wrapper stands in for the interpreter, so that
 simulation and workers are emulated too. Compiled kernels are one machine code for all CPUs (render/device/setup.py), so

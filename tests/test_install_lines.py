@@ -1,4 +1,4 @@
-"""Lines that people are told to install with name what there is: extras and requirements of pyproject.toml."""
+"""Install commands in messages and pages name existing extras and requirements of pyproject.toml."""
 
 from __future__ import annotations
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from recipe_compiler.compile import compile_recipe
 
 from benchmarks import insertion
 from benchmarks.pages import markdown, table_of, write_table
 from benchmarks.paper import __main__ as paper
+from benchmarks.paper.defences import opencv_subtractors
 from benchmarks.paper.sheets import MAX_BYTES, Sheet, around, marked, outlined
 from benchmarks.paper.studies import STUDIES, Measured
 from tests.sources import ROOT
@@ -49,8 +53,24 @@ def test_a_page_has_figure_recipe_sheet_and_table(name: str) -> None:
 
 def test_the_table_of_insertions_is_by_weather_and_hour() -> None:
     table = table_of(insertion.PAGE, insertion.COMMAND).splitlines()
-    assert table[0].startswith("| weather | hour | placeholder | digital |")
+    assert table[0].startswith("| weather | hour | `green` | `digital` |")
     assert len(table) == 2 + len(insertion.WEATHERS) * len(insertion.HOURS)
+
+
+def test_every_weather_and_hour_has_all_methods() -> None:
+    """The methods differ in the patch alone; the hours in the sun, and in nothing that labels depend on."""
+    plan = compile_recipe(insertion.RECIPE).plan
+    assert len(plan.variants) == 4 * len(insertion.WEATHERS) * len(insertion.HOURS)
+    appearances = set()
+    for weather, hour in itertools.product(insertion.WEATHERS, insertion.HOURS):
+        variants = insertion.variants_of(plan, weather, hour)
+        assert list(variants) == list(insertion.TITLES)
+        assert len({variant.appearance.digest for variant in variants.values()}) == len(insertion.TITLES)
+        assert {(v.scene.digest, v.rig.digest) for v in variants.values()} == {
+            (plan.variants[0].scene.digest, plan.variants[0].rig.digest)
+        }
+        appearances.add(variants["rendered"].appearance.digest)
+    assert len(appearances) == len(insertion.WEATHERS) * len(insertion.HOURS)
 
 
 def test_a_table_replaces_the_one_before_and_nothing_else(page: Path) -> None:
@@ -79,6 +99,16 @@ def test_what_was_measured_is_written_and_then_found_unchanged(
     said = capsys.readouterr().err
     assert "small.md: the table differs" in said and "small.jpg: the sheet differs" in said
     assert "2.6" in page.read_text() and page.with_suffix(".jpg").read_bytes() == written[1], "--check writes nothing"
+
+
+def test_a_study_without_its_library_writes_no_table(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without OpenCV, the table of the background ablation would lose its rows."""
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    monkeypatch.setattr(paper, "STUDIES", {"small": lambda: [opencv_subtractors(), measured()][1]})
+    before = page.read_text()
+    with pytest.raises(SystemExit, match="small: OpenCV is not installed; `make paper` installs it"):
+        paper.main(["small"], page.parent)
+    assert page.read_text() == before
 
 
 def test_marks_and_outlines_are_where_the_masks_are() -> None:

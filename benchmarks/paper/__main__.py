@@ -32,7 +32,10 @@ def main(arguments: list[str], pages: Path = PAGES) -> int:
         parser.error(f"unknown study {sorted(unknown)[0]!r}; choose from {', '.join(STUDIES)}")
     outdated = []
     for name in options.names or STUDIES:
-        measured = STUDIES[name]()
+        try:
+            measured = STUDIES[name]()
+        except ModuleNotFoundError as error:
+            sys.exit(f"{name}: {error}")
         print(f"\n{name}\n\n{markdown(measured.table)}", flush=True)
         if options.check:
             outdated += differences(name, measured, pages)

@@ -42,11 +42,15 @@ class RunningGaussian:
 
 
 def opencv_subtractors() -> dict[str, Subtractor]:
-    """Return OpenCV's background subtractors with their default settings; empty if OpenCV is not installed."""
+    """Return OpenCV's background subtractors with their default settings.
+
+    Raises:
+        ModuleNotFoundError: OpenCV is not installed.
+    """
     try:
         import cv2
     except ImportError:
-        return {}
+        raise ModuleNotFoundError("OpenCV is not installed; `make paper` installs it") from None
     models = {"OpenCV MOG2": cv2.createBackgroundSubtractorMOG2(), "OpenCV KNN": cv2.createBackgroundSubtractorKNN()}
 
     def foreground_of(model: cv2.BackgroundSubtractor) -> Subtractor:

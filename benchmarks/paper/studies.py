@@ -162,7 +162,7 @@ def insertion() -> Measured:
 
 
 def subtractors() -> dict[str, defences.Subtractor]:
-    """Return new background models by name: OpenCV's, if it is installed, and a Gaussian per pixel."""
+    """Return new background models by name: OpenCV's, and a Gaussian per pixel."""
     return {**defences.opencv_subtractors(), "Gaussian": defences.RunningGaussian()}
 
 

@@ -100,14 +100,30 @@ def main() -> None:
         code = recipe.main(prog_name="recipe", complete_var="_RECIPE_COMPLETE", standalone_mode=False, obj=run)
         sys.exit(code or 0)  # it returns the code of an Exit
     except Exception as error:
-        problems, code = _explained(error)
+        stop = _stop_behind(error)
+        if isinstance(stop, SystemExit):
+            sys.exit(stop.code)
+        problems, code = (_interrupted(), 130) if stop is not None else _explained(error)
         fail(problems, run)
         sys.exit(code)
     except KeyboardInterrupt:
-        from recipe_compiler.ir.errors import Code, Problem
-
-        fail([Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)], run)
+        fail(_interrupted(), run)
         sys.exit(130)
+
+
+def _stop_behind(error: BaseException) -> KeyboardInterrupt | SystemExit | None:
+    """Return the signal's exception that an error was raised from: pydantic replaces it if it stops a serializer."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+        if isinstance(error, (KeyboardInterrupt, SystemExit)):
+            return error
+    return None
+
+
+def _interrupted() -> Sequence[Problem]:
+    from recipe_compiler.ir.errors import Code, Problem
+
+    return [Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)]
 
 
 def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
@@ -122,7 +138,7 @@ def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
     if isinstance(error, click.ClickException):
         return [usage.problem_of(error)], 2
     if isinstance(error, click.Abort):
-        return [Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)], 130
+        return _interrupted(), 130
     if isinstance(error, MemoryError):
         remedy = "close other programs, or ask for fewer workers or smaller pictures"
         return [Problem("out of memory", help=remedy, code=Code.OUT_OF_MEMORY)], 1

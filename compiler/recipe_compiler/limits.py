@@ -29,6 +29,7 @@ _PLAN_BYTES = (540, 900)  # of a variant's plan: per element of its town, per ac
 _TRACK_BYTES = 260  # per actor and frame
 _LABEL_BYTES = 2700  # per labelled object, in all annotation files together
 _PREVIEW = (4.0, 900_000, 1_200_000)  # contact sheets: per pixel of a view; limit per view; limit in all
+_TRUTH_BYTES = (800, 1000)  # of a frame's truth of patches: per file, per patch
 _SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that are visible in a frame: mean, maximum
 
 # Seconds on one core of an x86 processor of the 2020s. A megasample is a million rendered samples.
@@ -48,6 +49,10 @@ _WHOLE_FRAMES = 2  # first frames of a static camera, which cost as much as thos
 _SHADE_ACTOR = 0.0004  # per actor and frame
 _SHADE_FIRST = 0.2  # per view
 _TEXEL, _TEXEL_AGAIN = 6e-8, 8e-9  # mip levels: per texel of an image; per frame if a patch's image changes
+_SHADE_PATCH = 0.02  # per patch and megasample
+_TRUTH, _TRUTH_PATCH = 0.05, 0.02  # truth of patches, per megapixel; per patch and megapixel
+_AMODAL = 0.055  # per rectangle and megapixel, again if it or the camera has moved
+_INSERT = 0.1  # textures inserted into the picture, per megapixel
 _FINISH = 0.12  # blur or bloom, per megapixel
 _ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # per megapixel
 _FILE = 0.0007  # per file, whatever its size
@@ -108,6 +113,10 @@ class Load:
     changes: int = 0  # merged over the base: axes and draws
     texels: int = 0  # of all images
     sequences: bool = False  # whether a patch shows another image in each frame
+    patches: int = 0
+    moving_patches: int = 0  # on actors
+    inserted_patches: int = 0  # into the finished picture
+    charts: int = 0  # colour charts in the place of patches, for each of which a frame is shaded again
 
 
 @dataclass(frozen=True)
@@ -233,6 +242,7 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     shared = _START_WORKER + sum(load.elements * _LOAD_ELEMENT + load.actors * _LOAD_ACTOR for load in scenes.values())
     shared += sum(_observing(load, view, depth) for load in observed.values() for view in load.views)
     shared += sum(_shading(load, view) for load in loads for view in load.views if "rgb" in view.capture)
+    shared += sum(_truth(load, view) for load in loads for view in load.views)
     compile_seconds, compile_bytes = _compiling(loads, list(scenes.values()))
     main, worker = _memory(observed, looks)
     return Cost(
@@ -285,11 +295,22 @@ def _shading(load: Load, view: Clip) -> float:
     """Seconds to render and write one appearance."""
     mega = view.samples / 1e6
     moved, still = (each + mega * rate for each, rate in (_SHADE, _SHADE_STILL))
+    moved += load.patches * mega * _SHADE_PATCH
     whole = min(view.frames, _WHOLE_FRAMES) if view.still else view.frames
     finish = view.finished * _FINISH * view.pixels / 1e6
     frame = _FILE + view.pixels / 1e6 * _ENCODE["rgb"] + load.actors * _SHADE_ACTOR + finish
-    frame += load.sequences * load.texels * _TEXEL_AGAIN
+    frame += load.sequences * load.texels * _TEXEL_AGAIN + load.charts * moved
+    frame += (load.inserted_patches > 0) * _INSERT * view.pixels / 1e6
     return _SHADE_FIRST + load.texels * _TEXEL + view.frames * frame + whole * moved + (view.frames - whole) * still
+
+
+def _truth(load: Load, view: Clip) -> float:
+    """Seconds to compute and write the truth of the patches of one appearance."""
+    if not load.patches:
+        return 0.0
+    fixed, amodal = load.patches - load.moving_patches, view.pixels / 1e6 * _AMODAL
+    frame = _FILE + view.pixels / 1e6 * (_TRUTH + load.patches * _TRUTH_PATCH) + load.moving_patches * amodal
+    return view.frames * frame + (1 if view.still else view.frames) * fixed * amodal
 
 
 def _blocks(amount: float) -> int:
@@ -308,12 +329,14 @@ def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load
     pictures += [(v, "rgb") for load in loads for v in load.views if "rgb" in v.capture]
     frames = sum(v.frames * _blocks(_FILE_HEAD + v.pixels * _rate(v, kind)) for v, kind in pictures)
     labelled = sum(view.frames * load.actors * _SEEN for load in loads for view in load.views)
+    head, patch = _TRUTH_BYTES
+    truth = sum(v.frames * _blocks(head + o.patches * patch) for o in loads if o.patches for v in o.views)
     element, actor = _PLAN_BYTES
     plans = sum(_blocks(load.elements * element + load.actors * actor) for load in loads)
     tracks = sum(_blocks(_clip(s) * s.actors * _TRACK_BYTES) for s in scenes)
     rate, most, most_of_all = _PREVIEW
     seen = [min(rate * v.pixels, most) for load in loads for v in load.views if "rgb" in v.capture]
-    return frames + plans + tracks + _blocks(labelled * _LABEL_BYTES) + _blocks(min(sum(seen), most_of_all))
+    return frames + truth + plans + tracks + _blocks(labelled * _LABEL_BYTES) + _blocks(min(sum(seen), most_of_all))
 
 
 def _memory(

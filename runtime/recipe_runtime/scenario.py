@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 SCENE_CACHE_SIZE = 2  # renderers in memory, each with the triangles of a town
 MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU
-PATCHED_FRAME_CACHE_SIZE = 8  # a few MB each
+PATCHED_FRAME_CACHE_SIZE, PATCHED_FRAME_CACHE_BYTES = 8, 1 << 30  # at most, of frames beside the newest
 OBSERVATION_CACHE_SIZE = 2  # so that modalities and weathers of one frame share its observation
 
 
@@ -93,9 +93,7 @@ class Scenes:
         source = self.source(scene)
         key = (scene.digest, digest("sensor/1", sensor.document()), frame)
         renderer, seen = self._observations.get(key, (None, None))
-        if (
-            seen is None or renderer is not source.renderer
-        ):  # (a renderer that was stopped has gone, and takes all along)
+        if seen is None or renderer is not source.renderer:  # observations of an earlier renderer are invalid
             while len(self._observations) >= OBSERVATION_CACHE_SIZE:
                 self._observations.popitem(last=False)
             seen = source.observe(sensor, frame)
@@ -107,13 +105,16 @@ class Scenes:
         self._adopt_process()
         key = plan.scene.digest, plan.appearance.digest, digest("sensor/1", sensor.document()), str(frame)
         if key not in self._patched:
-            while len(self._patched) >= PATCHED_FRAME_CACHE_SIZE:
+            while len(self._patched) >= PATCHED_FRAME_CACHE_SIZE or self._patched_bytes() > PATCHED_FRAME_CACHE_BYTES:
                 self._patched.popitem(last=False)
             seen = self.observe(plan.scene, sensor, frame)
             source = self.source(plan.scene)
             self._patched[key] = RetexturedFrame(source, seen, plan.appearance, sensor, frame)
         self._patched.move_to_end(key)
         return self._patched[key]
+
+    def _patched_bytes(self) -> int:
+        return sum(frame.memory for frame in self._patched.values())
 
     def _adopt_process(self) -> None:
         """Discard state of a parent process, and take a lease on the cache."""
@@ -229,7 +230,7 @@ class Scenario(Sequence[Frame]):
             modality: A modality that the sensor captures.
             textures: Images to show on patches in place of the recipe's, by the patch's name: arrays [h, w, 3] or
                 tensors [3, h, w], uint8 or 0 to 1 (rounded to 8 bits). The frame equals that of a recipe with these
-                images. Further calls for the same frame render the patches' pixels alone.
+                images. Later calls for the same frame shade only the pixels of patches.
 
         Returns:
             A new array. rgb: uint8 [H, W, 3], sRGB. depth: float32 [H, W], metres along the optical axis. instance:
@@ -300,7 +301,7 @@ class Scenario(Sequence[Frame]):
         return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), found, size)
 
     def patches(self, frame: int, sensor: str | None = None) -> FrameTruth:
-        """Return the truth of the patches of a frame, as `recipe build` writes it.
+        """Return the ground truth of the patches of a frame, as `recipe build` writes it.
 
         Raises:
             InputError: There is no such sensor.
@@ -312,7 +313,7 @@ class Scenario(Sequence[Frame]):
         return patch_truth(source, self.plan.appearance, plan, seen, frame)
 
     def patch_metadata(self, frame: int, patch: str | None = None, sensor: str | None = None) -> PatchMetadata | None:
-        """Return a patch of a frame as Armory's attacks take it; None if it is not seen.
+        """Return a patch of a frame in the form that Armory's attacks expect; None if it is not visible.
 
         Args:
             frame: Frame number; negative numbers count from the end.

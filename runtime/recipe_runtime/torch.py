@@ -16,6 +16,7 @@ to pictures, with the exact gradient.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 from os import PathLike
@@ -159,6 +160,7 @@ class SceneView(torch.nn.Module):
         quantise: Round textures and pictures to 8 bits, so that pictures are the frames' bytes divided by 255. The
             gradient is that of the unrounded pictures (a straight-through estimator).
         device: Device of the renderer: `cpu`, `cuda` or `cuda:N`.
+        memory: About how many bytes of memory to use for frames kept between calls; others are rendered again.
 
     Raises:
         InputError: The recipe is invalid, or a named variant, patch or sensor does not exist.
@@ -173,9 +175,10 @@ class SceneView(torch.nn.Module):
         sensor: str | None = None,
         quantise: bool = True,
         device: str = "cpu",
+        memory: int = 4 << 30,
     ) -> None:
         super().__init__()
-        self.patch, self.sensor, self.quantise = patch, sensor, quantise
+        self.patch, self.sensor, self.quantise, self.memory = patch, sensor, quantise, memory
         self._scenarios = _scenarios(recipe, device)
         first = next(iter(self._scenarios))
         if frames is None:
@@ -186,7 +189,7 @@ class SceneView(torch.nn.Module):
             raise InputError(f"there is no variant {unknown[0]!r}; the variants are {', '.join(self._scenarios)}")
         for variant in dict.fromkeys(variant for variant, _ in self.frames):
             differentiable_patch(self._scenarios[variant].plan.appearance.patches, patch)
-        self._views: dict[tuple[Place, tuple[int, int]], View] = {}
+        self._views: OrderedDict[tuple[Place, tuple[int, int]], View] = OrderedDict()
         self._targets: dict[Place, dict[str, torch.Tensor]] = {}
 
     def forward(
@@ -231,7 +234,11 @@ class SceneView(torch.nn.Module):
     def _view(self, place: Place, size: tuple[int, int]) -> View:
         if (place, size) not in self._views:
             scenario = self._scenarios[place[0]]
-            self._views[place, size] = scenario.patch_view(place[1], self.patch, self.sensor, size=size)
+            view = scenario.patch_view(place[1], self.patch, self.sensor, size=size)
+            while self._views and sum(v.memory for v in (view, *self._views.values())) > self.memory:
+                self._views.popitem(last=False)
+            self._views[place, size] = view
+        self._views.move_to_end((place, size))
         return self._views[place, size]
 
     def _target(self, place: Place) -> dict[str, torch.Tensor]:

@@ -28,9 +28,9 @@ def run(*arguments: str, cwd: Path, code: int = 0, in_process: bool = True) -> s
 
 @pytest.mark.slow
 def test_a_plan_lists_assets_with_digests_and_sizes(tmp_path: Path) -> None:
-    told = " ".join(run("plan", str(GOOD / "recipe.yaml"), cwd=tmp_path).split())
-    assert " poster d56e3d74 101 bytes, 4 x 3 pixels, files/poster.png" in told
-    assert " wedge 23b275f4 88 bytes, 8 triangles in body, files/tetrahedron.obj" in told
+    reported = " ".join(run("plan", str(GOOD / "recipe.yaml"), cwd=tmp_path).split())
+    assert " poster d56e3d74 101 bytes, 4 x 3 pixels, files/poster.png" in reported
+    assert " wedge 23b275f4 88 bytes, 8 triangles in body, files/tetrahedron.obj" in reported
     document = json.loads(run("plan", str(GOOD / "recipe.yaml"), "--json", cwd=tmp_path))
     assert [asset["name"] for asset in document["assets"]] == ["poster", "wedge", "part", "skinned"]
     assert all(len(asset["sha256"]) == 64 for asset in document["assets"])
@@ -86,6 +86,6 @@ def test_an_untrusted_pack_is_refused_with_the_place_of_its_asset(
     del files["files/tetrahedron.obj"]  # which the recipe no longer names, so that the pack holds no unused file
     files |= {"recipe.yaml": text.encode(), **({path: content} if content else {})}
     (tmp_path / "evil.recipe").write_bytes(Pack("recipe.yaml", files).dumps())
-    told = run("build", "evil.recipe", "--out", "set", cwd=tmp_path, code=2)
-    assert "\n --> evil.recipe/recipe.yaml:5:" in told and words in told
+    reported = run("build", "evil.recipe", "--out", "set", cwd=tmp_path, code=2)
+    assert "\n --> evil.recipe/recipe.yaml:5:" in reported and words in reported
     assert [file.name for file in tmp_path.iterdir()] == ["evil.recipe"]

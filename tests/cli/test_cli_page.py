@@ -1,4 +1,4 @@
-"""docs/cli.md tells of every command and option that there is, and of none that there is not."""
+"""docs/cli.md describes exactly the commands and options that exist."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def test_every_command_has_its_section_in_the_order_of_the_help() -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_options_of_the_page_are_those_of_the_command(name: str) -> None:
     bullets = re.findall(r"^- (.*(?:\n  .*)*)", SECTIONS[name], re.MULTILINE)
-    told = {word for bullet in bullets for word in re.findall(r"`(--?[a-z-]+)`", bullet)}
-    assert told == options(name)
+    reported = {word for bullet in bullets for word in re.findall(r"`(--?[a-z-]+)`", bullet)}
+    assert reported == options(name)
     shared = [bullet for bullet in bullets if "as above" in bullet]
     for word in {word for bullet in shared for word in re.findall(r"`(--?[a-z-]+)`", bullet)}:
-        assert f"- `{word}`" in HEAD, f"{word} is not told above"
+        assert f"- `{word}`" in HEAD, f"{word} is not described above"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

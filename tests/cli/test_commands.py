@@ -272,9 +272,9 @@ def test_a_partial_rebuild_says_what_it_did_and_what_was_there(folder: Path, tmp
     whole = r"datasets/small: 2 variants: 1 simulation, 1 observation, 2 appearances; 4 frames rendered in .* a second"
     assert re.fullmatch(whole, first), first
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
-    told = run_here("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
+    completed = run_here("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
     part = r"datasets/small: 2 variants; 4 frames: 2 rendered, 2 reused from the existing dataset; [0-9.]+ s"
-    assert re.fullmatch(part, told), told
+    assert re.fullmatch(part, completed), completed
     only_dry = RECIPE.replace("{dry: {}, wet: {weather: HardRainNoon}}", "{dry: {}}")
     (root / "small.yaml").write_text(only_dry)
     less = json.loads(run_here("build", "small.yaml", "--json", cwd=root).stdout)
@@ -371,9 +371,9 @@ def test_a_stopped_command_leaves_nothing_behind(tmp_path: Path, number: int, co
 
 def test_diff_names_the_first_cause(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "other.yaml").write_text(RECIPE.replace("HardRainNoon", "SoftRainNoon"))
-    told = run_here("diff", "small.yaml", tmp_path / "other.yaml", cwd=folder)
-    assert told.returncode == 1
-    first, second = told.stdout.splitlines()[:2]
+    completed = run_here("diff", "small.yaml", tmp_path / "other.yaml", cwd=folder)
+    assert completed.returncode == 1
+    first, second = completed.stdout.splitlines()[:2]
     assert first == "recipe: small.yaml and other.yaml differ"
     assert second == "plan: weather=wet: appearance.weather.cloudiness: 100.0 and 20.0"
     for pair in (("datasets/small", "lockfiles/small.lock"), ("small.yaml", "datasets/small")):
@@ -388,8 +388,8 @@ def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_pa
     """Digests of what the recipe was must not pass for what it is."""
     root = _project(folder, tmp_path, "lockfiles", "datasets")
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
-    told = run_here("diff", "small.yaml", "datasets/small", cwd=root)
-    aside, silent, _ = told.stderr.splitlines()
+    completed = run_here("diff", "small.yaml", "datasets/small", cwd=root)
+    aside, silent, _ = completed.stderr.splitlines()
     assert aside.startswith(
         "lockfiles/small.lock is not what small.yaml compiles to now, and was ignored; `recipe lock"
     )
@@ -399,8 +399,8 @@ def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_pa
 def test_diff_of_an_unknown_path_is_refused(tmp_path: Path) -> None:
     (tmp_path / "plan.json").write_text("[]")
     for path in ("plan.json", "gone.lock", "gone.yaml", "."):
-        told = run_here("diff", path, "plan.json", cwd=tmp_path)
-        assert told.returncode == 2 and len(problems(told.stderr)) == 1, told.stderr
+        completed = run_here("diff", path, "plan.json", cwd=tmp_path)
+        assert completed.returncode == 2 and len(problems(completed.stderr)) == 1, completed.stderr
 
 
 def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
@@ -409,8 +409,8 @@ def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
     Store(tmp_path / "cache").put("traces", "ab" * 32, b"x" * 2000)
     places = {"RECIPE_CACHE": str(tmp_path / "cache"), "RECIPE_KERNEL_CACHE": ""}  # no user's own is pruned here
     assert "traces        1  2 KiB" in run_here("cache", cwd=tmp_path, **places).stdout
-    told = json.loads(run_here("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
-    assert (told["removed"], told["kinds"]) == (1, {})
+    completed = json.loads(run_here("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
+    assert (completed["removed"], completed["kinds"]) == (1, {})
     refused = run_here("cache", "--size", "3", cwd=tmp_path, **places)
     assert (refused.returncode, problems(refused.stderr)) == (2, ["--size says how much --prune leaves; give both"])
 
@@ -420,10 +420,10 @@ def test_a_folder_that_is_not_a_cache_is_neither_shown_nor_pruned(tmp_path: Path
     theirs = tmp_path / "backup" / "data" / "ab" / ("ab" * 32)
     theirs.parent.mkdir(parents=True)
     theirs.write_text("theirs")
-    told = run_here("cache", *options, cwd=tmp_path, RECIPE_CACHE=str(tmp_path / "backup"), RECIPE_KERNEL_CACHE="")
-    assert told.returncode == 2 and told.stdout == ""
-    assert f"RECIPE_CACHE {tmp_path}/backup: it holds data, which is not of a cache" in told.stderr
-    assert "set RECIPE_CACHE to an empty folder" in told.stderr
+    completed = run_here("cache", *options, cwd=tmp_path, RECIPE_CACHE=str(tmp_path / "backup"), RECIPE_KERNEL_CACHE="")
+    assert completed.returncode == 2 and completed.stdout == ""
+    assert f"RECIPE_CACHE {tmp_path}/backup: it holds data, which is not of a cache" in completed.stderr
+    assert "set RECIPE_CACHE to an empty folder" in completed.stderr
     assert theirs.read_text() == "theirs"
 
 

@@ -54,6 +54,14 @@ def test_it_overwrites_nothing_without_replace(tmp_path: Path) -> None:
     assert run_here(*here, cwd=tmp_path).returncode == 0  # the same content
 
 
+def test_a_file_of_another_size_is_not_read(tmp_path: Path) -> None:
+    """Only to compare it: a sparse file of 1 TiB would take all memory."""
+    with (tmp_path / "every_key.yaml").open("wb") as file:
+        file.truncate(1 << 40)
+    done = run_here("import", "carla", EVERY, "-o", ".", cwd=tmp_path)
+    assert (done.returncode, "every_key.yaml exists already" in done.stderr) == (2, True)
+
+
 def test_the_configuration_itself_is_never_overwritten(tmp_path: Path) -> None:
     text = EVERY.read_text()
     (tmp_path / "every_key.yaml").write_text(text)

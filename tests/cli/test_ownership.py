@@ -253,7 +253,7 @@ def test_a_folder_of_another_user_is_no_project(tmp_path: Path) -> None:
     os.chown(tmp_path / "shared" / "lockfiles", 0, 0)
     os.chown(tmp_path / "shared", 4711, 4711)
     assert places.lockfile_path(recipe, "r").resolve().parent == start / "lockfiles"
-    os.chown(recipe, 4711, 4711)  # whoever wrote the recipe may also say what it makes
+    os.chown(recipe, 4711, 4711)  # the recipe's author may also determine its output
     assert places.lockfile_path(recipe, "r").resolve().parent == tmp_path / "shared" / "lockfiles"
 
 
@@ -288,9 +288,9 @@ def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
     recipe("lock", "small.yaml")
     before = lockfile.read(Path("lockfiles/small.lock"))
     Path("small.yaml").rename("renamed.yaml")
-    told = recipe("lock", "renamed.yaml")
+    completed = recipe("lock", "renamed.yaml")
     says = "lockfiles/small.lock now names ../renamed.yaml; ../small.yaml, which it named, does not exist\n"
-    assert (told.exit_code, told.stdout.startswith(says)) == (0, True), told.stdout
+    assert (completed.exit_code, completed.stdout.startswith(says)) == (0, True), completed.stdout
     after = lockfile.read(Path("lockfiles/small.lock"))
     assert after.source == "../renamed.yaml" and set(after.files) == {"renamed.yaml"}
     assert after.equals_but_for_text(before) and after.identity == before.identity

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from pydantic import BaseModel, model_serializer
 from recipe_cli.commands import build, check, export, init, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
@@ -212,18 +213,35 @@ def on_a_terminal(program: str, columns: int) -> str:
 @pytest.mark.parametrize("command", ["verify", "build", "plan", "diff"])
 @pytest.mark.parametrize("suffix", [".yaml", ".lock", ".recipe", ""])
 def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, suffix: str) -> None:
-    """A line break or an escape code in a name is shown as what it is, whoever made the message."""
+    """Line breaks and escape codes in names are printed escaped, in all messages."""
     name = f"two\nlines\x1b[31m{suffix}"
     if suffix:
         (tmp_path / name).write_bytes(b"\x00")
     else:
         (tmp_path / name).mkdir()
     arguments = [command, name] + ([name] if command == "diff" else [])
-    told = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "recipe_cli", *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=60
     )
-    assert told.returncode == 2, told.stderr
-    assert "\x1b" not in told.stderr + told.stdout
-    first, *rest = told.stderr.splitlines()
-    assert first.startswith("error[") and r"two\nlines\x1b[31m" in told.stderr
-    assert all(re.match(r"help: |note: | *--> | *\d* \|", line) for line in rest), told.stderr
+    assert completed.returncode == 2, completed.stderr
+    assert "\x1b" not in completed.stderr + completed.stdout
+    first, *rest = completed.stderr.splitlines()
+    assert first.startswith("error[") and r"two\nlines\x1b[31m" in completed.stderr
+    assert all(re.match(r"help: |note: | *--> | *\d* \|", line) for line in rest), completed.stderr
+
+
+@pytest.mark.parametrize(("stop", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143)], ids=repr)
+def test_a_signal_within_a_serializer_is_no_fault_of_the_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: BaseException, code: int
+) -> None:
+    """Pydantic replaces the exception of the signal by one of its own."""
+
+    class Stopped(BaseModel):
+        @model_serializer
+        def stopped(self) -> None:
+            raise stop
+
+    monkeypatch.setattr(init.command, "callback", lambda **_: Stopped().model_dump())
+    done = run_here("init", "small", cwd=tmp_path)
+    assert done.returncode == code and "Traceback" not in done.stderr
+    assert ("interrupted" in done.stderr) == (code == 130)

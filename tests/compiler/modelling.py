@@ -33,9 +33,9 @@ def picture(width: int = 4, height: int = 3) -> NDArray[np.uint8]:
     return np.stack([x * 60, y * 80, (x + y) * 30 % 256], axis=-1).astype(np.uint8)
 
 
-def stl(vertices: Any = TETRAHEDRON, faces: Any = FACES, *, told: int | None = None) -> bytes:
+def stl(vertices: Any = TETRAHEDRON, faces: Any = FACES, *, declared: int | None = None) -> bytes:
     rows = b"".join(struct.pack("<12fH", 0, 0, 0, *vertices[face].reshape(-1), 0) for face in faces)
-    return b"test".ljust(80, b"\0") + struct.pack("<I", len(faces) if told is None else told) + rows
+    return b"test".ljust(80, b"\0") + struct.pack("<I", len(faces) if declared is None else declared) + rows
 
 
 def stl_text(vertices: Any = TETRAHEDRON, faces: Any = FACES) -> bytes:
@@ -80,9 +80,9 @@ def document(**changes: Any) -> tuple[dict[str, Any], bytes]:
     return {**found, **changes}, body
 
 
-def glb(told: dict[str, Any] | None = None, body: bytes | None = None) -> bytes:
+def glb(declared: dict[str, Any] | None = None, body: bytes | None = None) -> bytes:
     plain, own = document()
-    text = json.dumps(told or plain).encode()
+    text = json.dumps(declared or plain).encode()
     text, body = text + b" " * (-len(text) % 4), own if body is None else body
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

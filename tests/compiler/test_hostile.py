@@ -1,4 +1,4 @@
-"""A stranger's recipe may be refused, in bounded time and memory, and in no other way than with an InputError."""
+"""An untrusted recipe takes bounded time and memory, and may fail only with an InputError."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from recipe_compiler.expand import count
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.library import towns
 from recipe_compiler.limits import Clip, Load, Memory, TooLargeError, size, total
+from recipe_compiler.lowering import workload
 from recipe_compiler.schema.sweep import Sweep
 
 from tests.compiler.kitchen import compiled, small
@@ -286,3 +287,28 @@ def test_images_are_part_of_the_estimate() -> None:
     ))  # fmt: skip
     assert once.worker_memory > plain.worker_memory + (1 << 30)
     assert again.minutes > 2 * once.minutes > 2 * plain.minutes
+
+
+def test_patches_are_part_of_the_estimate() -> None:
+    """Their truth is computed, and charts are rendered, frame by frame; files of the truth take disk space."""
+    load = Load("s", "r", "a", 1, 1, (Clip(100, 1 << 20, 1 << 20, ("rgb",)),))
+    patched = replace(load, patches=64)
+    moved, with_charts = replace(patched, moving_patches=64), replace(patched, inserted_patches=64, charts=64)
+    plain, many, moving, charts = (total([each], "carla") for each in (load, patched, moved, with_charts))
+    assert many.minutes > 3 * plain.minutes
+    assert moving.minutes > 3 * many.minutes and charts.minutes > 10 * many.minutes
+    assert many.bytes - plain.bytes >= 100 * 64 * 1000
+
+
+def test_patches_of_a_recipe_and_of_its_plan_have_one_estimate() -> None:
+    recipe = small()
+    recipe["base"]["actors"] = {"hero": {"blueprint": "vehicle.van.a"}}
+    on, red = {"town": "wall.1", "size": {"width": 1, "height": 1}}, {"color": "#ff0000"}
+    recipe["base"]["patches"] = {
+        "wall": {"on": on, "mode": "green"},
+        "screen": {"on": on, "mode": "color_transfer", "texture": red},
+        "film": {"on": on, "mode": "digital", "texture": red},
+        "door": {"on": {"actor": "hero", "surface": "left", "size": {"width": 1, "height": 1}}, "texture": red},
+    }
+    load = workload.measured(compiled(recipe).plan.variants[0])
+    assert (load.patches, load.moving_patches, load.inserted_patches, load.charts) == (4, 1, 2, 1)

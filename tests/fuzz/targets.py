@@ -1,4 +1,4 @@
-"""Every loader that a stranger's bytes reach, as a function of bytes, with files to begin from.
+"""Every loader of untrusted bytes, as a function of bytes, with seed files.
 
 A target returns, or raises the project's own error for such a file; anything else that comes out is a finding.
 """
@@ -27,12 +27,14 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.lockfile import VariantRow
 from recipe_compiler.ir.plan import TownPlan
 from recipe_compiler.library import towns
+from recipe_runtime.annotate import kitti
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import reader
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.transfer import bundle
+from recipe_runtime.transfer.export_sequence import ExportSequence
 from recipe_runtime.verify import trace_bundle
 from recipe_runtime.verify.compare import compare_datasets, compare_locks
 from recipe_runtime.verify.diff import Side, differences
@@ -227,6 +229,10 @@ def _labels(content: bytes) -> None:
     key = row.frame_key("labels"), variant.rig.sensors[0].name, "labels", 0
     vouched = replace(held, lock=replace(held.lock, frames={**held.lock.frames, key: value}))
     reader.text_differences(vouched, {})
+    sequence = ExportSequence(vouched, variant, variant.rig.sensors[0], 0)
+    for lines in (kitti.label_lines, kitti.pose_lines):
+        with suppress(InputError):
+            "".join(lines(sequence.labels()))
 
 
 def _labels_file() -> Path:

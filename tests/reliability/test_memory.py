@@ -1,4 +1,4 @@
-"""Memory that runs out, whoever is told of it: a line that says so, and the next build makes the same dataset."""
+"""Without memory, in any process, one line states the error, and the next build produces the same dataset."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("mebibytes", [600, 650, 700, 800])
 def test_allocations_that_fail(whole: dict[str, bytes], tmp_path: Path, mebibytes: int) -> None:
-    """A bound on addresses: each process is told, at another depth for each bound."""
+    """A limit on address space: allocations fail in each process, at a different point for each limit."""
     done = subprocess.run(
         [
             sys.executable,

@@ -179,7 +179,12 @@ class Renderer:
         return self.picture(obs, appearance, frame)
 
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int
+        self,
+        camera: CameraPlan,
+        sensor_name: str,
+        appearances: Sequence[AppearancePlan],
+        in_flight: int,
+        patched: Sequence[AppearancePlan],
     ) -> NoReturn:
         raise AssertionError("a CPU renders its frames one by one")
 
@@ -220,7 +225,7 @@ def _noted(scene: ScenePlan, device: str) -> Renderer:
 
 
 def _noted_simulation(scene: ScenePlan) -> Trace:
-    """Not done before a worker has loaded the scene; if none does, the note tells."""
+    """Not done before a worker has loaded the scene; if none does, the note records it."""
     note("simulation begins")
     for _ in range(400):
         if "renderer" in Path(os.environ["NOTES"]).read_text().split("\n"):

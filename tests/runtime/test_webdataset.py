@@ -82,9 +82,9 @@ def test_the_pages_example_runs_unchanged(tmp_path: Path, monkeypatch: pytest.Mo
     exec(example, known)
     frame = known["frame"]
     assert isinstance(frame, dict)
-    told = re.findall(r'frame\["(\w+\.png)"\]  # (\w+) \[H, W(, 3)?\]', example)
-    assert len(told) == 4
-    for key, kind, colours in told:
+    reported = re.findall(r'frame\["(\w+\.png)"\]  # (\w+) \[H, W(, 3)?\]', example)
+    assert len(reported) == 4
+    for key, kind, colours in reported:
         assert (frame[key].dtype.name, frame[key].ndim) == (kind, 3 if colours else 2)
     assert {value // 1000 for value in np.unique(frame["instance.png"]) if value} <= {12, 15}
     assert len(np.unique(frame["instance.png"])) > 2

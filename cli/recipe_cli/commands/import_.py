@@ -102,13 +102,18 @@ def _check_free(files: dict[Path, bytes], configs: Sequence[Path], *, replace: b
     from recipe_compiler.ir.errors import Code, InputError
 
     for path, body in files.items():
-        if not os.path.lexists(path) or (path.is_file() and path.read_bytes() == body):
+        if not os.path.lexists(path) or _holds(path, body):
             continue
         is_input = any(path.exists() and path.samefile(config) for config in configs)
         if is_input or not replace or not path.is_file():
             remedy = "choose another --output" + ("" if is_input else ", or add --replace to write over it")
             what = "is the configuration itself" if is_input else "exists already"
             raise InputError(f"{path} {what}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+
+
+def _holds(path: Path, body: bytes) -> bool:
+    """Whether a file has this content; one of another size is not read."""
+    return path.is_file() and path.stat().st_size == len(body) and path.read_bytes() == body
 
 
 def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:

@@ -11,6 +11,7 @@ from typing import Protocol
 from recipe_compiler import limits
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact, optics, plan_bounds
+from recipe_compiler.ir.patches import INSERTED, STATIC, WITH_CHART
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.ir.rig.arm import history
 from recipe_compiler.library import towns
@@ -75,6 +76,10 @@ def estimated(variant: Variant, base: Base, changes: int, texels: int = 0) -> li
         changes=changes,
         texels=texels,
         sequences=any(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
+        patches=len(base.patches),
+        moving_patches=sum(patch.on.actor is not None for patch in base.patches.values()),
+        inserted_patches=sum(patch.mode in INSERTED for patch in base.patches.values()),
+        charts=sum(p.mode == "color_transfer" and p.color_transfer.method in WITH_CHART for p in base.patches.values()),
     )
 
 
@@ -112,7 +117,7 @@ def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
         texels: of all images, whose sizes plans do not have.
     """
     clock = plan.scene.clock
-    responses = plan.appearance.responses
+    responses, patches = plan.appearance.responses, plan.appearance.patches
     views = tuple(
         limits.Clip(
             len(s.frames(clock.frames)),
@@ -138,7 +143,11 @@ def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
         elements=len(plan.scene.town.elements),
         metres=plan_bounds.route_metres(plan.scene.actors),
         texels=texels,
-        sequences=any(patch.changes for patch in plan.appearance.patches),
+        sequences=any(patch.changes for patch in patches),
+        patches=len(patches),
+        moving_patches=sum(not patch.whole and patch.faces[0].part != STATIC for patch in patches),
+        inserted_patches=sum(patch.inserted for patch in patches),
+        charts=sum(patch.transfer in WITH_CHART for patch in patches),
     )
 
 

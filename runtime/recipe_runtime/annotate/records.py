@@ -49,6 +49,7 @@ class LabelRecord(Boxes):
 _LENGTHS = {"bbox": 4, "amodal_bbox": 4, "velocity": 3}  # of lists of numbers
 _BOX_LENGTHS = {"centre": 3, "size": 3, "rotation": 4}
 _TEXTS = ("actor", "counts")
+_LARGEST = 1e15  # of all numbers, so that squares and whole numbers made of them do not overflow
 _NUMBERS = ("instance", "area", "amodal_area", "visible_fraction", "truncation", "distance")
 
 
@@ -106,7 +107,7 @@ def _are_numbers(value: object, length: int) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST
 
 
 FileRow: TypeAlias = tuple[int, str] | tuple[int, str, str]

@@ -1,7 +1,7 @@
-"""A patch of mode `digital` as a function of its texture: a warp of the texture into the finished picture.
+"""A patch of mode `digital` as a function of its texture, which is warped into the finished picture.
 
-The values of the pixels that show the patch are linear in the texture's sRGB values: W R texture, where R reduces the
-texture to about the size at which the picture shows it, and W interpolates it bilinearly.
+The values of the pixels that show the patch are linear in the texture's sRGB values: W R texture, where R downsamples
+the texture to about the size at which the picture shows it, and W interpolates it bilinearly.
 """
 
 from __future__ import annotations
@@ -34,10 +34,15 @@ class InsertedView:
             self.pixels = found.rows * self.picture.shape[1] + found.columns
             self.products = [SparseProduct(matrix, frame.scene.device) for matrix in _matrices(found, width, height)]
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the view takes, with its frame."""
+        return self._frame.memory + sum(product.memory for product in self.products) + self.picture.nbytes
+
     def forward(self, texture: Texture) -> Values:
         """Return the picture for a texture, uint8 or 0 to 1, float64 [H, W, 3], 0 to 1, not rounded in the patch."""
         out = self.picture / 255.0
-        values = np.clip(as_values(texture, self.shape), 0.0, 1.0).reshape(-1, 3)
+        values = np.clip(as_values(self.patch, texture, self.shape), 0.0, 1.0).reshape(-1, 3)
         if self.products:
             reduction, warp = self.products
             out.reshape(-1, 3)[self.pixels] = warp.forward(reduction.forward(values))
@@ -47,8 +52,8 @@ class InsertedView:
         """Return the vector-Jacobian product of `forward`.
 
         Args:
-            texture: Where the derivative is taken, [h, w, 3]; it is 0 for values beyond 0 and 1.
-            gradient: Of the picture, [H, W, 3].
+            texture: The texture at which the derivative is taken, [h, w, 3]; it is 0 for values outside 0 to 1.
+            gradient: Gradient with respect to the picture, [H, W, 3].
 
         Returns:
             The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
@@ -57,7 +62,7 @@ class InsertedView:
             return np.zeros(self.shape)
         reduction, warp = self.products
         back = reduction.backward(warp.backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64)))
-        values = as_values(texture, self.shape)
+        values = as_values(self.patch, texture, self.shape)
         return np.where((values < 0.0) | (values > 1.0), 0.0, back.reshape(self.shape))
 
     def render(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -88,7 +93,7 @@ def _means(width: int, height: int, wide: int, high: int) -> RowMatrix:
 
 
 def _overlaps(length: int, size: int) -> tuple[NDArray[np.int64], Values]:
-    """Return which of `length` texels each of `size` new ones covers, and the share of each, [size, most]."""
+    """Return the texels, of `length`, that each of `size` new texels overlaps, and the share of each, [size, max]."""
     starts = np.arange(size, dtype=np.int64)[:, None] * length  # in units of 1 / size of a texel
     places = starts // size + np.arange(-(-length // size) + 1, dtype=np.int64)
     common = np.minimum(places * size + size, starts + length) - np.maximum(places * size, starts)

@@ -1,4 +1,4 @@
-"""From the radiance of a frame's patched samples to the linear levels of pixels, through motion blur and lens."""
+"""The tone-mapped light of pixels from the radiance of their samples, through motion blur and lens effects."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ Values = NDArray[np.float64]
 
 
 class LensLight:
-    """Motion blur, bloom, distortion, chromatic aberration, supersampling and vignette after the light of pixels.
+    """Motion blur, bloom, distortion, chromatic aberration, supersampling and vignette.
 
-    A pixel's light is that of the undistorted HDR image; samples of the picture are resampled from it and tone-mapped.
+    `light` gives the pixels of the undistorted HDR image. The samples of the picture are resampled from it and
+    tone-mapped.
     """
 
     def __init__(self, light: PixelLight, lens: LensMap, device: str) -> None:
@@ -25,10 +26,15 @@ class LensLight:
         self._bloom = [SparseProduct(matrix, device) for matrix in lens.bloom]
         self._lens = [SparseProduct(matrix, device) for matrix in lens.lens]
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the sparse matrices take."""
+        return sum(product.memory for product in (*self._blur, *self._bloom, *self._lens))
+
     def forward(self, radiance: Values) -> tuple[Values, tuple[Values, ...]]:
-        """Return the level of each pixel, [Q, 3] of [N, 3], and what `backward` needs."""
+        """Return the light of each pixel, [Q, 3], of the radiance of slots, [N, 3], and the values for `backward`."""
         level, saved = self._light.forward(radiance)
-        hdr, hdr_rise = camera_curve.inverse_tone(level)
+        hdr, hdr_slope = camera_curve.inverse_tone(level)
         change = hdr - self._map.hdr
         for product in self._blur:
             change = product.forward(change)
@@ -37,17 +43,17 @@ class LensLight:
             spread = product.forward(spread)
         resampled = self._resampled(np.concatenate([change, spread]) if self._bloom else change)
         gain = self._map.gain[:, None]
-        toned, rise = camera_curve.tone((self._map.light + resampled) * gain)
+        toned, slope = camera_curve.tone((self._map.light + resampled) * gain)
         n = self._map.per_pixel
         total = np.zeros((len(self._map.pixels), 3))
         for sample in range(n):
             total += toned[sample::n]
-        return total / n, (rise * gain / n, hdr_rise, *saved)
+        return total / n, (slope * gain / n, hdr_slope, *saved)
 
     def backward(self, saved: tuple[Values, ...], gradient: Values) -> Values:
-        """Return the gradient of the radiance, [N, 3] of [Q, 3]."""
-        rise, hdr_rise, *rest = saved
-        back = self._resampled_transposed(np.repeat(gradient, self._map.per_pixel, axis=0) * rise)
+        """Return the gradient of the radiance, [N, 3], of a gradient of the pixels, [Q, 3]."""
+        slope, hdr_slope, *rest = saved
+        back = self._resampled_transposed(np.repeat(gradient, self._map.per_pixel, axis=0) * slope)
         if self._bloom:
             blurred = self._bloom[0].matrix.width
             change, spread = back[:blurred], back[blurred:]
@@ -56,7 +62,7 @@ class LensLight:
             back = change + spread
         for product in self._blur:
             back = product.backward(back)
-        return self._light.backward(tuple(rest), back * hdr_rise)
+        return self._light.backward(tuple(rest), back * hdr_slope)
 
     def _resampled(self, change: Values) -> Values:
         if len(self._lens) == 1:

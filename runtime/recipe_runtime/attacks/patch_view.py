@@ -32,6 +32,8 @@ from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
 
+_SAMPLE_BYTES, _TEXEL_BYTES = 150, 16  # of memory, per sample and per texel
+
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
@@ -71,9 +73,17 @@ class PatchView:
         self.curve, self.pixels = frame.curve, frame.pixels
         self.picture = frame.render({})
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the view takes, with its frame."""
+        texels = self.mips.shape[0] * self.mips.shape[1]
+        products = self.taps.memory + (self._light.memory if isinstance(self._light, LensLight) else 0)
+        own = _SAMPLE_BYTES * len(self.gain) + _TEXEL_BYTES * texels
+        return self._frame.memory + products + own + self.picture.nbytes
+
     def linearise(self, texture: Texture) -> Linearised:
         """Return the values of the pixels for a texture, uint8 or 0 to 1, [h, w, 3], and their derivative."""
-        light, light_slope = linear_light(as_values(texture, self.shape))
+        light, light_slope = linear_light(as_values(self.patch, texture, self.shape))
         level, saved = self._light.forward(self._radiance(self.mips.forward(light)))
         noisy, noise_slope = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
         values, curve_slope = camera_curve.encoded(noisy, self.curve.encoded)

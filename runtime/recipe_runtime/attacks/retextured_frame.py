@@ -1,4 +1,4 @@
-"""A frame of a variant with other textures on its patches, whether these are rendered or inserted into the picture."""
+"""A frame of a variant that can be rendered again with other textures on patches of any mode but `green`."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ Pixels = NDArray[np.uint8]
 class RetexturedFrame:
     """A frame that is rendered again with other textures; it does not refer to the scene's renderer.
 
-    Colour transforms by a chart need a frame with the chart in the place of the patch, which is recorded as well: other
-    patches, with other textures, may lie beside it.
+    Colour transforms that use a chart need a frame with the chart in the place of the patch. That frame is recorded as
+    well, because textures of other patches in it may change.
     """
 
     def __init__(
@@ -48,20 +48,25 @@ class RetexturedFrame:
         """The frame without inserted textures."""
         return self._frames[self._appearance.digest]
 
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the frame takes."""
+        return sum(frame.memory for frame in self._frames.values()) + sum(m.nbytes for m in self._maps.values())
+
     def render(self, textures: Mapping[str, Pixels]) -> Pixels:
-        """Return the picture with other textures, uint8 [H, W, 3] sRGB, as a build with them has it.
+        """Return the picture with other textures, uint8 [H, W, 3] sRGB, with the bytes of a build with these textures.
 
         Args:
             textures: Images by the name of the patch, uint8 [h, w, 3] sRGB; patches without one keep their own.
         """
-        # The fields of a chart have the name of the patch that they replace: its texture is not theirs.
+        # The cells of a chart have the name of the patch that they replace, but keep their colours.
         inserted = {patch.name for patch in self.patches if patch.inserted}
         rendered = {name: texture for name, texture in textures.items() if name not in inserted}
         replay = _Replay(self._frames, self._maps, rendered)
         return self._inserter.picture(replay, self._appearance, self._sensor, self._number, textures)
 
     def inserted_pixels(self, patch: str) -> InsertedPixels | None:
-        """Return the pixels into which a patch is inserted; None if it is not seen."""
+        """Return the pixels into which a patch is inserted; None if it is not visible."""
         number = [plan.name for plan in self.patches].index(patch)
         shown = self._maps[self._appearance.digest]
         return self._inserter.pixels(shown, self._appearance, number, self._sensor, self._number)
@@ -75,7 +80,7 @@ class RetexturedFrame:
 
 @dataclass
 class _Recorder:
-    """A renderer of one frame that keeps what it renders, by the digest of the appearance."""
+    """A renderer of one frame that records the frames that it renders, by the digest of the appearance."""
 
     source: SceneSource
     seen: Observed
@@ -97,7 +102,7 @@ class _Recorder:
 
 @dataclass(frozen=True)
 class _Replay:
-    """Renders what was recorded, with other textures on rendered patches."""
+    """Renders the recorded frames, with other textures on rendered patches."""
 
     frames: dict[str, PatchedFrame]
     maps: dict[str, Pixels]

@@ -89,7 +89,10 @@ def as_array(name: str, texture: Any) -> NDArray[Any]:
         if texture.ndim == 4 and texture.shape[0] == 1:
             texture = texture[0]
         texture = np.moveaxis(texture, 0, -1) if texture.ndim == 3 else texture
-    values: NDArray[Any] = np.asarray(texture)
+    try:
+        values: NDArray[Any] = np.asarray(texture)
+    except ValueError as error:  # lists of unequal lengths
+        raise InputError(f"the texture of {name} is not an array: {error}") from None
     if values.ndim != 3 or values.shape[2] != 3 or not values.size:
         raise InputError(
             f"the texture of {name} has the shape {values.shape}; give an array [height, width, 3], or a tensor"
@@ -105,6 +108,8 @@ def as_array(name: str, texture: Any) -> NDArray[Any]:
 
 def check_size(name: str, width: int, height: int) -> None:
     """Raise InputError if a texture is larger than an image of a recipe may be, or empty."""
+    if not all(isinstance(side, (int, np.integer)) and not isinstance(side, bool) for side in (width, height)):
+        raise InputError(f"the texture of {name} has the size {width!r} x {height!r}; give whole numbers")
     if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
         raise InputError(
             f"the texture of {name} is {width} x {height}; at most {MAX_SIDE} per side and {MAX_PIXELS} pixels"
@@ -112,13 +117,15 @@ def check_size(name: str, width: int, height: int) -> None:
         )
 
 
-def as_values(texture: Texture, shape: tuple[int, ...]) -> Values:
-    """Return a texture as float64, 0 to 1.
+def as_values(name: str, texture: Texture, shape: tuple[int, ...]) -> Values:
+    """Return a patch's texture as float64, 0 to 1.
 
     Raises:
+        InputError: It is not an image.
         ValueError: It does not have the shape.
     """
-    if texture.shape != shape:
-        raise ValueError(f"the texture has the shape {texture.shape}, not {shape}")
-    values: Values = texture.astype(np.float64)
-    return values / 255.0 if texture.dtype == np.uint8 else values
+    given = as_array(name, texture)
+    if given.shape != shape:
+        raise ValueError(f"the texture has the shape {given.shape}, not {shape}")
+    values: Values = given.astype(np.float64)
+    return values / 255.0 if given.dtype == np.uint8 else values

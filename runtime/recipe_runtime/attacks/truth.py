@@ -8,11 +8,12 @@ has the corners of its mask's box. Pixel (0, 0) has its top-left corner at (0, 0
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.patches import PatchPlan
+from recipe_compiler.ir.patches import MAX_PATCHES, PatchFace, PatchPlan
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plan_types import fixed
 
@@ -26,6 +27,7 @@ from recipe_runtime.insertion import projection
 
 Corners = list[list[float]]
 
+_AREAS = 16 * MAX_PATCHES  # that are kept
 _GRID = 1 << 20  # depths are added as integer multiples of 2^-20 m, so that their sum does not depend on the order
 
 
@@ -100,7 +102,7 @@ class PatchAnnotator:
                 there = projection.view_from_part(patch, self._trace, frame, view)
                 homography = projection.homography(patch.faces[0], camera, there)
                 corners, matrix = _corners(homography, camera), _rows(homography)
-                amodal = int(projection.covered_pixels(patch.faces[0], camera, there).sum())
+                amodal = _amodal_area(patch.faces[0], camera, there.tobytes())
             records.append(_record(patch, camera, frame, mask, depths, amodal, corners, matrix))
         return {
             "frame": frame,
@@ -121,6 +123,13 @@ class PatchAnnotator:
         visible = int((seen.instance == instance).sum())
         whole = next((view.amodal for view in seen.objects if view.instance == instance), 0)
         return 0 if mask is None or visible == 0 else int(mask.area * whole / visible + 0.5)
+
+
+@lru_cache(_AREAS)
+def _amodal_area(face: PatchFace, camera: CameraPlan, view_from_part: bytes) -> int:
+    """Pixels that a rectangle would cover with nothing before it: the same in all frames while nothing moves."""
+    there = np.frombuffer(view_from_part).reshape(3, 4)
+    return int(projection.covered_pixels(face, camera, there).sum())
 
 
 def _record(
@@ -191,7 +200,12 @@ def _mean_depth(depths: NDArray[np.float32]) -> float:
 
 
 def patch_truth(
-    source: SceneSource, appearance: AppearancePlan, sensor: SensorPlan, seen: Observed, frame: int
+    source: SceneSource,
+    appearance: AppearancePlan,
+    sensor: SensorPlan,
+    seen: Observed,
+    frame: int,
+    patch_map: NDArray[np.uint8] | None = None,
 ) -> FrameTruth:
     """Return the ground truth of an appearance's patches in a frame.
 
@@ -201,8 +215,9 @@ def patch_truth(
         sensor: The sensor.
         seen: The sensor's observation of the frame, by `source`.
         frame: Number of the frame.
+        patch_map: That of the frame, if it is known; it is found from `seen` else.
     """
-    shown = source.patch_map(seen, appearance, frame)
+    shown = source.patch_map(seen, appearance, frame) if patch_map is None else patch_map
     pose = sensor_transform(sensor, source.trace, frame)
     annotator = PatchAnnotator(source.scene, source.trace)
     return annotator.truth(appearance.patches, seen, shown, sensor.camera, pose, frame)

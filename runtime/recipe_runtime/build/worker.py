@@ -71,19 +71,26 @@ class Worker:
         view, records = self._views[shard.view], []
         groups = self._groups(view, shard.variants)
         plans = [self._job.dataset.variants[group[0]].appearance for group in groups]
+        patched = [self._job.dataset.variants[group[0]].appearance for group in self._patched(shard.variants)]
         with self._naming(view, shard, shard.frames[0]):
-            made = self._at(view).make(view.sensor, plans, shard.frames, self.timings)
+            made = self._at(view).make(view.sensor, plans, shard.frames, self.timings, patched=patched)
         for frame in shard.frames:
             with self._naming(view, shard, frame):
                 task = _FrameTask(self._job, view, shard.variants, self._at(view), self.timings)
-                records.append(task.do(next(made), groups))
+                records.append(task.do(next(made), groups, self._patched(shard.variants)))
             tick(len(shard.variants))
         return records
 
     def _groups(self, view: View, variants: tuple[int, ...]) -> list[tuple[int, ...]]:
         """Group the variants by appearance; empty if no picture is requested."""
-        if "rgb" not in view.sensor.capture:
-            return []
+        return self._sharing(variants) if "rgb" in view.sensor.capture else []
+
+    def _patched(self, variants: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """Group the variants that have patches by appearance."""
+        appearances = [plan.appearance for plan in self._job.dataset.variants]
+        return self._sharing(tuple(index for index in variants if appearances[index].patches))
+
+    def _sharing(self, variants: tuple[int, ...]) -> list[tuple[int, ...]]:
         sharing: dict[str, list[int]] = {}
         for index in variants:
             sharing.setdefault(self._job.dataset.variants[index].appearance.digest, []).append(index)
@@ -131,8 +138,14 @@ class _FrameTask:
     source: SceneSource
     timings: Timings
 
-    def do(self, made: Made, groups: Sequence[tuple[int, ...]]) -> FrameRecord:
-        """Label and write a frame, with one picture for each group of variants that share an appearance."""
+    def do(self, made: Made, groups: Sequence[tuple[int, ...]], patched: Sequence[tuple[int, ...]]) -> FrameRecord:
+        """Label and write a frame.
+
+        Args:
+            made: The frame.
+            groups: The variants of each of its pictures: those that share an appearance.
+            patched: The variants of each of its maps of patches.
+        """
         sensor, timings, frame, seen = self.view.sensor, self.timings, made.number, made.seen
         with timings("annotate"):
             labels = self.source.labels(seen, sensor, frame)
@@ -145,7 +158,8 @@ class _FrameTask:
                     digests[modality] = pixel_digest(modality, array)
                 self._write(files, modality, frame, array, self.variants)
         self._write_copies(files, frame, seen)
-        self._write_patches(files, frame, seen)
+        for group, shown in zip(patched, made.patch_maps, strict=True):
+            self._write_patches(files, frame, seen, group, shown)
         rgb: dict[str, str] = {}
         for group, picture in zip(groups, made.pictures, strict=True):
             with timings("hash"):
@@ -172,20 +186,21 @@ class _FrameTask:
         for form in copies[0]:
             self._put(files, [paths[form] for paths in copies], bodies[form])
 
-    def _write_patches(self, files: dict[str, FileRow], frame: int, seen: Observed) -> None:
-        """Write the truth of the patches, one file for the variants that share an appearance."""
-        sensor = self.view.sensor
-        sharing: dict[str, list[int]] = {}
-        for index in self.variants:
-            appearance = self.job.dataset.variants[index].appearance
-            if appearance.patches:
-                sharing.setdefault(appearance.digest, []).append(index)
-        for group in sharing.values():
-            names = [self.job.dataset.variants[index].variant for index in group]
-            with self.timings("annotate"):
-                truth = patch_truth(self.source, self.job.dataset.variants[group[0]].appearance, sensor, seen, frame)
-            paths = [layout.patches_file(name, sensor.name, frame) for name in names]
-            self._put(files, paths, lambda truth=truth: pretty(truth).encode())  # type: ignore[misc]
+    def _write_patches(
+        self,
+        files: dict[str, FileRow],
+        frame: int,
+        seen: Observed,
+        variants: tuple[int, ...],
+        patch_map: NDArray[np.uint8],
+    ) -> None:
+        """Write the ground truth of the patches, one file for variants that share an appearance."""
+        sensor, dataset = self.view.sensor, self.job.dataset
+        with self.timings("annotate"):
+            appearance = dataset.variants[variants[0]].appearance
+            truth = patch_truth(self.source, appearance, sensor, seen, frame, patch_map)
+        paths = [layout.patches_file(dataset.variants[index].variant, sensor.name, frame) for index in variants]
+        self._put(files, paths, lambda: pretty(truth).encode())
 
     def _put(self, files: dict[str, FileRow], paths: list[str], body: Callable[[], bytes]) -> None:
         """Write one file under all its names."""

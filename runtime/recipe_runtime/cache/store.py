@@ -156,9 +156,20 @@ class Store:
         return replace(trace, contacts=self._contacts(scene)) if is_motion_of(trace, scene) else None
 
     def _contacts(self, scene: ScenePlan) -> tuple[ContactEvent, ...] | None:
-        """The contacts of a scene's stored Trace; None if they are absent or damaged."""
+        """The contacts of a scene's stored Trace; None if they are absent, damaged, or of an older format."""
         body = self.get("contacts", _trace_key(scene))
-        return None if body is None else tuple(ContactEvent(*row) for row in json.loads(body))
+        try:
+            rows = [] if body is None else json.loads(body)
+            found = tuple(ContactEvent(*row) for row in rows)
+        except (ValueError, TypeError, RecursionError):
+            return None
+        usable = all(
+            type(e.first) is type(e.second) is str
+            and type(e.start) is type(e.end) is int
+            and isinstance(e.impulse, (int, float))
+            for e in found
+        )
+        return found if body is not None and usable else None
 
     def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
         """Replace a scene's stored Trace if it differs from this newly simulated one.

@@ -29,6 +29,7 @@ _FORMAT = "recipe/trace/1"
 _CHUNK = 1 << 20  # bytes of an array that are handled at once
 _POSITION, _ROTATION = 3 * 8, 4 * 4  # bytes a part
 _VELOCITY = 3 * 8  # bytes an actor
+_LONGEST_HEADER = 8 << 20  # bytes, of names alone
 
 
 @dataclass(frozen=True)
@@ -263,7 +264,9 @@ def _holds(file: IO[bytes], size: int) -> bool:
 
 def _read_head(file: IO[bytes], size: int) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
     """Return actors, parts, number of frames and length of the header of a byte form; ValueError if it is invalid."""
-    line = file.readline()
+    line = file.readline(_LONGEST_HEADER + 1)
+    if len(line) > _LONGEST_HEADER:
+        raise ValueError(f"the Trace's header is over {_LONGEST_HEADER:,} bytes")
     try:
         head = json.loads(line)
     except RecursionError:

@@ -41,9 +41,17 @@ class SceneRenderer(Protocol):
         """
 
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int
+        self,
+        camera: CameraPlan,
+        sensor_name: str,
+        appearances: Sequence[AppearancePlan],
+        in_flight: int,
+        patched: Sequence[AppearancePlan],
     ) -> Any:
-        """Return a stream that renders many frames of one camera concurrently, on a GPU."""
+        """Return a stream that renders many frames of one camera concurrently, on a GPU.
+
+        `patched` are the appearances whose patches it numbers in each frame.
+        """
 
 
 class PatchRenderer(Protocol):

@@ -36,7 +36,7 @@ _STREAM_BATCH = 512  # frames per batch of a frame stream
 
 @dataclass(frozen=True)
 class Made:
-    """A frame: its observation, and an image uint8 [H, W, 3] for each appearance.
+    """A frame: its observation, an image uint8 [H, W, 3] for each appearance, and maps of patches, uint8 [H, W].
 
     The next frame may overwrite the arrays.
     """
@@ -44,6 +44,7 @@ class Made:
     number: int
     seen: Observed
     pictures: tuple[NDArray[np.uint8], ...]
+    patch_maps: tuple[NDArray[np.uint8], ...] = ()
 
 
 class SceneSource:
@@ -88,6 +89,7 @@ class SceneSource:
         frames: Sequence[int],
         timings: Timings | None = None,
         in_flight: int = 4,
+        patched: Sequence[AppearancePlan] = (),
     ) -> Iterator[Made]:
         """Yield frames in the order of `frames`.
 
@@ -97,9 +99,10 @@ class SceneSource:
             frames: Frame numbers.
             timings: Receives the time of each stage.
             in_flight: Maximum number of concurrent frames on a GPU.
+            patched: The appearances of which a frame has a `patch_map`.
         """
         timings = timings or Timings()
-        stream = self._stream_for(sensor, appearances, in_flight) if len(frames) > 1 else None
+        stream = self._stream_for(sensor, appearances, in_flight, patched) if len(frames) > 1 else None
         if stream is not None:
             yield from self._streamed(stream, sensor, frames, timings)
             return
@@ -108,7 +111,9 @@ class SceneSource:
                 seen = self.observe(sensor, frame)
             with timings("shade") if appearances else nullcontext():
                 pictures = tuple(self.shade(seen, appearance, sensor, frame) for appearance in appearances)
-            yield Made(frame, seen, pictures)
+            with timings("annotate") if patched else nullcontext():
+                maps = tuple(self.patch_map(seen, appearance, frame) for appearance in patched)
+            yield Made(frame, seen, pictures, maps)
 
     def observe(self, sensor: SensorPlan, frame: int) -> Observed:
         """Return the observation of a frame by a sensor."""
@@ -163,7 +168,13 @@ class SceneSource:
             self._renderer = None
             raise
 
-    def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], in_flight: int) -> Any:
+    def _stream_for(
+        self,
+        sensor: SensorPlan,
+        appearances: Sequence[AppearancePlan],
+        in_flight: int,
+        patched: Sequence[AppearancePlan],
+    ) -> Any:
         """Return a frame stream and its key; None on a CPU, and for cameras that need one frame at a time."""
         if not self.use_streams:
             return None
@@ -171,12 +182,13 @@ class SceneSource:
 
         if not can_stream(sensor, appearances):
             return None
-        key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], in_flight])
+        digests = [[plan.digest for plan in plans] for plans in (appearances, patched)]
+        key = digest("reel/1", [sensor.document(), *digests, in_flight])
         known, kept = self._stream
         self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
-            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, in_flight)
+            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, in_flight, patched)
         return key, kept
 
     def _streamed(
@@ -195,7 +207,7 @@ class SceneSource:
                     with timings("render"):
                         made = next(prints)
                     left -= 1
-                    yield Made(made.number, made.observation, made.pictures)
+                    yield Made(made.number, made.observation, made.pictures, made.patch_maps)
         finally:
             if not left:  # otherwise frames are still in flight
                 self._stream = stream

@@ -22,7 +22,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.patches import GREEN, TransferMethod
+from recipe_compiler.ir.patches import GREEN, WITH_CHART, TransferMethod
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.insertion.color_chart import COLORS, ChartPixels
@@ -54,7 +54,7 @@ class Transfer:
 
 def uses_chart(method: TransferMethod | None) -> bool:
     """Return whether a method, or None, needs the picture of a chart."""
-    return method in ("dapricot", "matrix", "reap")
+    return method in WITH_CHART
 
 
 def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:

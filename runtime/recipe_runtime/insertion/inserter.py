@@ -34,7 +34,7 @@ class FrameRenderer(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class InsertedPixels:
-    """The pixels into which the texture of a patch is inserted, N of them, and where in the texture they lie."""
+    """The N pixels into which the texture of a patch is inserted, and their texture coordinates."""
 
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
@@ -43,7 +43,7 @@ class InsertedPixels:
     homography: Array  # [3, 3] from (x, y, 1) to the texture, 0 to 1 each, times a factor
 
     def reduced_size(self, width: int, height: int) -> tuple[int, int]:
-        """Return the width and height to which a texture of a size is reduced."""
+        """Return the width and height to which a texture of a size is downsampled."""
         return texture_size((width, height), self.homography, self.x, self.y)
 
     def places(self) -> tuple[Array, Array]:
@@ -100,7 +100,7 @@ class Inserter:
     def pixels(
         self, patch_map: NDArray[np.uint8], appearance: AppearancePlan, number: int, sensor: SensorPlan, frame: int
     ) -> InsertedPixels | None:
-        """Return the pixels into which a patch is inserted; None if it is not seen.
+        """Return the pixels into which a patch is inserted; None if it is not visible.
 
         Args:
             patch_map: 1 + the number of the patch that each pixel shows, uint8 [H, W].

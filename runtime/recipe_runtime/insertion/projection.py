@@ -17,6 +17,7 @@ from recipe_runtime.core.transforms import VIEW_FROM_SENSOR, Array, compose, inv
 Matrix = NDArray[np.float64]
 
 _NEWTON_STEPS = 12
+_STRIP = 1 << 16  # pixels of a picture that are projected at once
 
 
 def intrinsics(camera: CameraPlan) -> Matrix:
@@ -116,12 +117,6 @@ def distort(camera: CameraPlan, x: float, y: float) -> tuple[float, float]:
     return half + dx * scale, camera.height / 2.0 + dy * scale
 
 
-def undistorted_centres(camera: CameraPlan) -> tuple[Array, Array]:
-    """Return x and y, [H, W], of the undistorted positions of all pixel centres."""
-    x, y = np.broadcast_arrays(np.arange(camera.width)[None, :] + 0.5, np.arange(camera.height)[:, None] + 0.5)
-    return undistorted(camera, x, y)
-
-
 def undistorted(camera: CameraPlan, x: Array, y: Array) -> tuple[Array, Array]:
     """Remove the lens distortion from points x, y of the picture, arrays of any shape; pixels."""
     dx, dy = x - camera.width / 2.0, y - camera.height / 2.0
@@ -139,22 +134,29 @@ def covered_pixels(face: PatchFace, camera: CameraPlan, view_from_part: Array) -
         camera: The camera.
         view_from_part: The transform [3, 4] from the face's part to the view.
     """
-    none = np.zeros((camera.height, camera.width), bool)
-    h = homography(face, camera, view_from_part)
+    covered = np.zeros((camera.height, camera.width), bool)
     if not _is_front_facing(face, view_from_part):
-        return none
+        return covered
     try:
-        back = inverse(h)
+        back = inverse(homography(face, camera, view_from_part))
     except ZeroDivisionError:
-        return none
-    x, y = undistorted_centres(camera)
-    nearness = (back[2, 0] * x + back[2, 1] * y) + back[2, 2]  # 1 / depth
-    ahead = nearness * camera.near < 1.0
-    ahead &= nearness > 0.0
-    one = np.where(ahead, nearness, 1.0)
-    u, v = (((back[row, 0] * x + back[row, 1] * y) + back[row, 2]) / one for row in range(2))
-    covered: NDArray[np.bool_] = ahead & (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
+        return covered
+    rows = max(1, _STRIP // camera.width)
+    for top in range(0, camera.height, rows):
+        x, y = undistorted(camera, *_centres(camera, top, min(top + rows, camera.height)))
+        nearness = (back[2, 0] * x + back[2, 1] * y) + back[2, 2]  # 1 / depth
+        ahead = nearness * camera.near < 1.0
+        ahead &= nearness > 0.0
+        one = np.where(ahead, nearness, 1.0)
+        u, v = (((back[row, 0] * x + back[row, 1] * y) + back[row, 2]) / one for row in range(2))
+        covered[top : top + rows] = ahead & (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
     return covered
+
+
+def _centres(camera: CameraPlan, top: int, end: int) -> tuple[Array, Array]:
+    """Return x and y, [rows, W], of the centres of the pixels of some rows."""
+    x, y = np.broadcast_arrays(np.arange(camera.width)[None, :] + 0.5, np.arange(top, end)[:, None] + 0.5)
+    return x, y
 
 
 def _is_front_facing(face: PatchFace, view_from_part: Array) -> bool:

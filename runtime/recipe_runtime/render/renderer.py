@@ -92,10 +92,18 @@ class Renderer:
         return PatchedFrame(self._camera, self._images, *which, self._device)
 
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int = 16
+        self,
+        camera: CameraPlan,
+        sensor_name: str,
+        appearances: Sequence[AppearancePlan],
+        in_flight: int = 16,
+        patched: Sequence[AppearancePlan] = (),
     ) -> FrameStream:
-        """Return a stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of `shade`."""
+        """Return a stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of `shade`.
+
+        Its frames also have the `patch_map` of each of the appearances `patched`.
+        """
         shadows = ShadowMaps(self._geometry, self._device)
         return FrameStream(
-            self._geometry, shadows, self._atlases, self._device, camera, sensor_name, appearances, in_flight
+            self._geometry, shadows, self._atlases, self._device, camera, sensor_name, appearances, in_flight, patched
         )

@@ -19,6 +19,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,6 @@ from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.annotate.ids import annotation_id, image_id, video_id
-from recipe_runtime.annotate.records import LabelledFrame, LabelRecord
 from recipe_runtime.annotate.rows import tables
 from recipe_runtime.attacks.patch_metadata import is_on_ground, is_usable, visible_mask
 from recipe_runtime.attacks.truth import PatchRecord
@@ -48,16 +48,36 @@ _PERSONS = (Tag.PEDESTRIAN.value, Tag.RIDER.value)
 _LOG_SLOPE = 5.70378  # of the logarithmic depth: 1 + ln(metres / 1000) / 5.70378
 
 
+class _Object(NamedTuple):
+    """What the layouts have of a visible object: its labels without the mask."""
+
+    instance: int
+    actor: str
+    bbox: tuple[int, int, int, int]  # x, y, width, height
+    area: int
+
+
 @dataclass(frozen=True)
 class _Frame:
-    """A frame of a sequence: its labels, and the ground truth of the patch."""
+    """A frame of a sequence: its objects, and the ground truth of the patch without the mask."""
 
-    labels: LabelledFrame
+    number: int
+    objects: tuple[_Object, ...]
     patch: PatchRecord
 
+
+@dataclass(frozen=True)
+class _Patched:
+    """A sequence with a patch."""
+
+    sequence: ExportSequence
+    patch: PatchPlan
+    frames: list[_Frame]
+
     @property
-    def number(self) -> int:
-        return self.labels["frame"]
+    def usable(self) -> Iterator[_Frame]:
+        """The frames that object detection can use."""
+        return (frame for frame in self.frames if _has_depth(self.sequence) and is_usable(frame.patch))
 
 
 def check_patches(dataset: Dataset, name: str | None = None) -> None:
@@ -91,12 +111,11 @@ def sequence_files(sequence: ExportSequence) -> Iterator[Entry]:
     if patch is None:
         return
     frames = _frames(sequence, patch)
-    coordinates = _coordinates(frames)
-    targets = _target_boxes(frames)
+    coordinates, targets, rows = _coordinates(frames), _target_boxes(frames), _instances(frames)
     for frame, corners in zip(frames, coordinates, strict=True):
-        picture, mask = sequence.picture(frame.number), _mask_png(sequence, frame)
+        picture, mask = sequence.picture(frame.number), _mask_png(sequence, patch, frame.number)
         yield from _detection_files(sequence, patch, frame, picture, mask)
-        if corners is not None and _instances(frames) is not None:
+        if corners is not None and rows is not None:
             folder, stem = f"{_MOT}/{_video(sequence)}", f"{frame.number + 1:06d}"
             yield f"{folder}/rgb/{stem}.png", picture
             yield f"{folder}/foreground_mask/{stem}.png", mask
@@ -106,7 +125,6 @@ def sequence_files(sequence: ExportSequence) -> Iterator[Entry]:
             yield f"{folder}/{stem}.png", picture
             yield f"{folder}/{stem}_mask.png", mask
     found = [corners for corners in coordinates if corners is not None]
-    rows = _instances(frames)
     if found and rows is not None:
         yield f"{_MOT}/{_video(sequence)}/instances.txt", rows
     if found and targets is not None:
@@ -116,10 +134,12 @@ def sequence_files(sequence: ExportSequence) -> Iterator[Entry]:
 
 def annotation_files(sequences: list[ExportSequence]) -> Iterator[Entry]:
     """Yield the annotation files of object detection, and the list of what is left out."""
+    patches = [(sequence, _patch(sequence)) for sequence in sequences]
+    patched = [_Patched(s, patch, _frames(s, patch)) for s, patch in patches if patch is not None]
     path = f"{_OBJ_DET}/_out/kwcoco_annotations_without_patch_and_sans_tiny_objects.json"
-    yield path, _annotations(sequences, overhead=False)
-    yield f"{_OVER}/kwcoco_annotations.json", _annotations(sequences, overhead=True)
-    yield "left_out.csv", _left_out(sequences)
+    yield path, _annotations(patched, overhead=False)
+    yield f"{_OVER}/kwcoco_annotations.json", _annotations(patched, overhead=True)
+    yield "left_out.csv", _left_out(sequences, patched)
 
 
 def _patch(sequence: ExportSequence) -> PatchPlan | None:
@@ -128,7 +148,18 @@ def _patch(sequence: ExportSequence) -> PatchPlan | None:
 
 
 def _frames(sequence: ExportSequence, patch: PatchPlan) -> list[_Frame]:
-    return [_Frame(labels, sequence.patch(labels["frame"], patch.name)) for labels in sequence.labels()]
+    frames = []
+    for labels in sequence.labels():
+        rows = labels["objects"]
+        objects = tuple(_Object(r["instance"], r["actor"], _box(r["bbox"]), r["area"]) for r in rows)
+        record = sequence.patch(labels["frame"], patch.name)
+        frames.append(_Frame(labels["frame"], objects, {**record, "counts": None, "homography": None}))
+    return frames
+
+
+def _box(bbox: list[int]) -> tuple[int, int, int, int]:
+    x, y, w, h = bbox
+    return x, y, w, h
 
 
 def _has_depth(sequence: ExportSequence) -> bool:
@@ -157,24 +188,21 @@ def _detection_files(
         yield f"{root}/patch_metadata/{stem}_avg_depth.npy", codecs.npy(mean_depth)
 
 
-def _annotations(sequences: Sequence[ExportSequence], *, overhead: bool) -> Iterator[str]:
+def _annotations(patched: Sequence[_Patched], *, overhead: bool) -> Iterator[str]:
     """The JSON text of the annotations for object detection."""
     ids = [1, 2] if overhead else [1, 2, 3]
-    images: list[Row] = []
-    objects: list[Row] = []
-    for sequence in sequences:
-        patch = _patch(sequence)
-        for frame in _frames(sequence, patch) if patch is not None and _has_depth(sequence) else ():
-            if patch is not None and is_usable(frame.patch):
-                images.append(_image(sequence, patch, frame, overhead=overhead))
-                objects += [_object(sequence, frame, item, overhead=overhead) for item in frame.labels["objects"]]
     return tables(
         {
-            "info": {"description": sequences[0].dataset.plan.description if sequences else ""},
+            "info": {"description": patched[0].sequence.dataset.plan.description if patched else ""},
             "licenses": [{"id": 1, "name": "not stated", "url": ""}],
             "categories": [{"id": k, "name": _NAMES[k], "supercategory": ""} for k in ids],
-            "images": images,
-            "annotations": objects,
+            "images": (_image(p.sequence, p.patch, frame, overhead=overhead) for p in patched for frame in p.usable),
+            "annotations": (
+                _object(p.sequence, frame.number, item, overhead=overhead)
+                for p in patched
+                for frame in p.usable
+                for item in frame.objects
+            ),
         }
     )
 
@@ -200,21 +228,21 @@ def _image(sequence: ExportSequence, patch: PatchPlan, frame: _Frame, *, overhea
     return row
 
 
-def _object(sequence: ExportSequence, frame: _Frame, item: LabelRecord, *, overhead: bool) -> Row:
-    names = sequence.variant.variant, sequence.sensor.name, frame.number
-    x, y, w, h = item["bbox"]
+def _object(sequence: ExportSequence, frame: int, item: _Object, *, overhead: bool) -> Row:
+    names = sequence.variant.variant, sequence.sensor.name, frame
+    x, y, w, h = item.bbox
     return {
-        "id": annotation_id(*names, item["actor"]),
+        "id": annotation_id(*names, item.actor),
         "image_id": image_id(*names),
         "category_id": _category(item),
         "bbox": [x, y, w, h] if overhead else [x, y, x + w, y + h],
-        "area": item["area"],
+        "area": item.area,
         "iscrowd": 0,
     }
 
 
-def _category(item: LabelRecord) -> int:
-    return 1 if item["instance"] // 1000 in _PERSONS else 2
+def _category(item: _Object) -> int:
+    return 1 if item.instance // 1000 in _PERSONS else 2
 
 
 def _coordinates(frames: Sequence[_Frame]) -> list[NDArray[np.int64] | None]:
@@ -235,9 +263,9 @@ def _instances(frames: Sequence[_Frame]) -> list[str] | None:
     """The lines of `instances.txt`; None if there are fewer than two, which a loader does not read as a table."""
     lines = []
     for step, frame in enumerate(frames, start=1):
-        for item in frame.labels["objects"]:
-            box = " ".join(map(str, item["bbox"]))
-            lines.append(f"{step} {item['instance']} {box} 1 {_category(item)} 1\n")
+        for item in frame.objects:
+            box = " ".join(map(str, item.bbox))
+            lines.append(f"{step} {item.instance} {box} 1 {_category(item)} 1\n")
     return lines if len(lines) > 1 else None
 
 
@@ -246,28 +274,28 @@ def _target_boxes(frames: Sequence[_Frame]) -> NDArray[np.int64] | None:
 
     None if no pedestrian is visible in all frames.
     """
-    boxes: dict[str, list[tuple[int, list[int]]]] = {}
+    boxes: dict[str, list[_Object]] = {}
     for frame in frames:
-        for item in frame.labels["objects"]:
-            if item["instance"] // 1000 == Tag.PEDESTRIAN.value:
-                boxes.setdefault(item["actor"], []).append((item["area"], item["bbox"]))
+        for item in frame.objects:
+            if item.instance // 1000 == Tag.PEDESTRIAN.value:
+                boxes.setdefault(item.actor, []).append(item)
     complete = {name: rows for name, rows in boxes.items() if len(rows) == len(frames)}
     if not complete:
         return None
-    target = min(complete, key=lambda name: (-sum(area for area, _ in complete[name]), name))
-    return np.array([[x, y, x + w, y + h] for _, (x, y, w, h) in complete[target]], np.int64)
+    target = min(complete, key=lambda name: (-sum(item.area for item in complete[name]), name))
+    return np.array([[x, y, x + w, y + h] for x, y, w, h in (item.bbox for item in complete[target])], np.int64)
 
 
-def _left_out(sequences: Sequence[ExportSequence]) -> Iterator[str]:
+def _left_out(sequences: Sequence[ExportSequence], patched: Sequence[_Patched]) -> Iterator[str]:
     """The lines of `left_out.csv`."""
+    frames_of = {p.sequence.number: p.frames for p in patched}
     yield "layout,variant,sensor,frame,reason\n"
     for sequence in sequences:
         names = f"{field(sequence.variant.variant)},{field(sequence.sensor.name)}"
-        patch = _patch(sequence)
-        if patch is None:
+        frames = frames_of.get(sequence.number)
+        if frames is None:
             yield f"all,{names},all,no patch or no rgb\n"
             continue
-        frames = _frames(sequence, patch)
         hidden = [frame.number for frame in frames if not is_usable(frame.patch)]
         if not _has_depth(sequence):
             yield f"carla_obj_det and carla_over_obj_det,{names},all,no depth\n"
@@ -282,12 +310,12 @@ def _left_out(sequences: Sequence[ExportSequence]) -> Iterator[str]:
             yield f"carla_video_tracking,{names},all,no pedestrian is seen in every frame\n"
 
 
-def _mask_png(sequence: ExportSequence, frame: _Frame) -> bytes:
+def _mask_png(sequence: ExportSequence, patch: PatchPlan, frame: int) -> bytes:
     camera = sequence.sensor.camera
     try:
-        mask = visible_mask(frame.patch, camera.width, camera.height)
+        mask = visible_mask(sequence.patch(frame, patch.name), camera.width, camera.height)
     except (ValueError, TypeError, AttributeError) as error:
-        path = layout.patches_file(sequence.variant.variant, sequence.sensor.name, frame.number)
+        path = layout.patches_file(sequence.variant.variant, sequence.sensor.name, frame)
         raise damaged_file(sequence.dataset, f"{path}: {error}") from None
     return codecs.png(mask)
 

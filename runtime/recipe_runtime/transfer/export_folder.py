@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.errors import Code, InputError, RunError
 
-from recipe_runtime.core.files import is_folder, open_folder, read_inside
+from recipe_runtime.core.files import is_folder, open_folder, read_inside, regular_file
+from recipe_runtime.dataset.json_stream import loads
+from recipe_runtime.dataset.manifest_reader import check_outside_datasets
+from recipe_runtime.dataset.reader import Dataset
 
 MARKER = ".dataset-recipe-export"  # a file in work folders of exports
+_MIN_BYTES_PER_VALUE = 20  # of an index: rows hold names and digests
+_MIN_INDEX_LIMIT = 16 << 20  # bytes
+
+
+def check_destination(out: Path) -> None:
+    """Check that an export can take the place of a path.
+
+    Raises:
+        InputError: The path is the current folder, or in a dataset.
+    """
+    if not out.name or (out.exists() and out.samefile(Path.cwd())):
+        raise InputError(
+            f"{out} is the current folder, which an export cannot replace",
+            help="name another folder",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+    check_outside_datasets(out)
 
 
 @contextmanager
@@ -51,11 +70,20 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
         os.close(handle)
 
 
-def read_index(out: Path, name: str, max_bytes: int) -> object:
-    """Return the JSON index of an export, of at most `max_bytes`; None if it is absent or damaged."""
+def read_index(out: Path, name: str, dataset: Dataset, bytes_per_frame: int) -> object:
+    """Return the JSON index of an export; None if it is absent, damaged or too large.
+
+    Args:
+        out: The folder of the export.
+        name: The name of its index.
+        dataset: The dataset to export, which determines how long an index may be.
+        bytes_per_frame: Bytes of an index for each frame of the dataset, at most.
+    """
+    frames = sum(len(s.frames(v.scene.clock.frames)) for v in dataset.plan.variants for s in v.rig.sensors)
     try:
-        return json.loads(read_inside(out, name, max_bytes)) if is_folder(out) else None
-    except (OSError, ValueError, RecursionError):
+        body = read_inside(out, name, max(_MIN_INDEX_LIMIT, bytes_per_frame * frames)) if is_folder(out) else b""
+        return loads(body, 1000 + len(body) // _MIN_BYTES_PER_VALUE) if body else None
+    except (OSError, ValueError):
         return None
 
 
@@ -75,4 +103,4 @@ def is_empty(folder: Path) -> bool:
 def _is_work_folder(work: Path, is_leftover: Callable[[Path], bool]) -> bool:
     """Return whether a folder is empty, or contains only the marker and leftovers."""
     found = sorted(work.iterdir()) if is_folder(work) else [work]
-    return not found or ((work / MARKER).is_file() and is_leftover(work))
+    return not found or (regular_file(work, MARKER) is not None and is_leftover(work))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import cast
@@ -15,9 +14,12 @@ from recipe_compiler.ir.plan import ScenarioPlan, SensorPlan
 from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.attacks.truth import PatchRecord
 from recipe_runtime.core import layout
+from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.transfer.shards import damaged_file, picture_file
 from recipe_runtime.webdataset import decode
+
+_MAX_VALUES = 2_000_000  # of the truth of a frame; the codes of masks hold brackets, which are counted
 
 Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
 
@@ -70,6 +72,8 @@ class ExportSequence:
             raise damaged_file(self.dataset, f"{path}: {error}") from None
         if metres.shape != (self.sensor.camera.height, self.sensor.camera.width):
             raise damaged_file(self.dataset, f"{path} differs in size from the sensor's pictures")
+        if not (np.isfinite(metres).all() and (metres >= 0.0).all()):
+            raise damaged_file(self.dataset, f"{path} has distances that are negative or not finite")
         return cast("NDArray[np.float64]", metres.astype(np.float64))
 
     def patch(self, frame: int, name: str) -> PatchRecord:
@@ -77,10 +81,10 @@ class ExportSequence:
         path = layout.patches_file(self.variant.variant, self.sensor.name, frame)
         content = picture_file(self.dataset, path, self.sensor)
         try:
-            found = [record for record in json.loads(content)["patches"] if record["name"] == name]
+            found = [record for record in loads(content, _MAX_VALUES)["patches"] if record["name"] == name]
             record = cast("PatchRecord", {key: found[0][key] for key in PatchRecord.__annotations__})
             usable = _is_usable(record)
-        except (ValueError, KeyError, IndexError, TypeError, RecursionError):
+        except (ValueError, KeyError, IndexError, TypeError):
             usable = False
         if not usable:
             raise damaged_file(self.dataset, f"{path} is not the ground truth of the patch {name}")
@@ -92,13 +96,16 @@ class ExportSequence:
 
 def _is_usable(record: PatchRecord) -> bool:
     """Return whether the fields of a record that an export reads have valid types and shapes."""
-    numbers = [v for corners in (record["corners_int"], record["corners"]) for corner in corners or [] for v in corner]
+    pixels = [value for corner in record["corners_int"] or [] for value in corner]
+    numbers = [value for corner in record["corners"] or [] for value in corner]
+    numbers += [] if record["depth"] is None else [record["depth"]]
     return (
         type(record["area"]) is int
         and (record["corners_int"] is None or np.shape(record["corners_int"]) == (4, 2))
         and (record["corners"] is None or np.shape(record["corners"]) == (4, 2))
-        and all(type(value) in (int, float) and abs(value) < 1 << 31 for value in numbers)
+        and all(type(value) is int for value in pixels)
+        and all(type(value) in (int, float) for value in numbers)
+        and all(abs(value) < 1 << 31 for value in [*pixels, *numbers])
         and (record["depth"] is None) == (record["area"] == 0)
-        and (record["depth"] is None or type(record["depth"]) in (int, float))
         and (record["counts"] is None or isinstance(record["counts"], str))
     )

@@ -26,17 +26,16 @@ from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.transfer import armory
-from recipe_runtime.transfer.export_folder import MARKER, is_empty, read_index, remove, work_folder
+from recipe_runtime.transfer.export_folder import MARKER, check_destination, is_empty, read_index, remove, work_folder
 from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 
 Layout = Literal["mots", "kitti", "armory"]
 INDEX = "index.json"
 _FORMAT = "recipe/layout/1"
-_MAX_INDEX = 256 << 20  # bytes
+_INDEX_BYTES = 5000  # of the index, per frame: Armory's layouts have the most files
 _REMEDY = "free some space or choose another folder, then export again"
 
 
@@ -70,10 +69,10 @@ def export_layout(
         InputError: `out` exists and is not an export, a file of the dataset is damaged, or it lacks the patch.
         RunError: the files cannot be written, or another export writes to `out`.
     """
-    check_outside_datasets(out)
-    known = _read_index(out)
+    check_destination(out)
+    known = _read_index(out, dataset)
     made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
-    if known is not None and _made_from(known) == made_from and _is_complete(out):
+    if known is not None and _made_from(known) == made_from and _is_complete(out, known):
         return known
     _check_replaceable(out, known, replace=replace)
     sequences = [
@@ -187,9 +186,9 @@ def _entries(out: Path) -> set[str]:
     return {p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if not is_folder(p)}
 
 
-def _read_index(out: Path) -> LayoutIndex | None:
+def _read_index(out: Path, dataset: Dataset) -> LayoutIndex | None:
     """Return the index of an export; None if it is absent or damaged."""
-    index = read_index(out, INDEX, _MAX_INDEX)
+    index = read_index(out, INDEX, dataset, _INDEX_BYTES)
     return cast("LayoutIndex", index) if _is_index(index) else None
 
 
@@ -214,16 +213,9 @@ def _is_index(index: object) -> bool:
     )
 
 
-def _is_complete(out: Path) -> bool:
+def _is_complete(out: Path, known: LayoutIndex) -> bool:
     """Return whether a folder contains exactly the files of its index, with the bytes recorded there."""
-    known = _read_index(out)
-    return (
-        known is not None
-        and _entries(out) == {INDEX, *known["files"]}
-        and all(
-            (found := regular_file(out, path)) is not None
-            and found.st_size == size
-            and file_sha256(out / path) == digest
-            for path, (size, digest) in known["files"].items()
-        )
+    return _entries(out) == {INDEX, *known["files"]} and all(
+        (found := regular_file(out, path)) is not None and found.st_size == size and file_sha256(out / path) == digest
+        for path, (size, digest) in known["files"].items()
     )

@@ -29,14 +29,13 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
-from recipe_runtime.transfer.export_folder import MARKER, is_empty, read_index, work_folder
+from recipe_runtime.transfer.export_folder import MARKER, check_destination, is_empty, read_index, work_folder
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
-_LONGEST_INDEX = 64 << 20  # bytes
+_INDEX_BYTES = 300  # of the index, per shard, which holds one frame or more
 _MAX_PICTURE, _BYTES_A_PIXEL = 1 << 16, 16  # bytes of a picture's file, at most: of its headers, and a pixel
 _REMEDY = "free some space or choose another folder, then export again"
 
@@ -48,6 +47,9 @@ class ShardRecord(TypedDict):
     samples: int
     size: int
     sha256: str
+
+
+_ROW_TYPES = {"file": str, "samples": int, "size": int, "sha256": str}
 
 
 class ExportIndex(TypedDict):
@@ -104,8 +106,8 @@ def webdataset(
         InputError: `out` exists and is not an export, or a file of the dataset is damaged.
         RunError: the files cannot be written, or another export writes to `out`.
     """
-    check_outside_datasets(out)
-    known = _index_of(out)
+    check_destination(out)
+    known = _index_of(out, dataset)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
     if known is not None and same and _is_whole(out, known):
         return known
@@ -241,9 +243,9 @@ def _has_other_files(out: Path, index: ExportIndex) -> bool:
     return names != {INDEX, *(row["file"] for row in index["shards"])} or any(is_folder(path) for path in found)
 
 
-def _index_of(out: Path) -> ExportIndex | None:
+def _index_of(out: Path, dataset: Dataset) -> ExportIndex | None:
     """Return the index of an export; None if there is none, or it is damaged."""
-    index = read_index(out, INDEX, _LONGEST_INDEX)
+    index = read_index(out, INDEX, dataset, _INDEX_BYTES)
     return cast("ExportIndex", index) if _is_index(index) else None
 
 
@@ -255,7 +257,8 @@ def _is_index(index: object) -> bool:
     return isinstance(rows, list) and all(
         isinstance(row, dict)
         and row.keys() == ShardRecord.__annotations__.keys()
-        and isinstance(row["file"], str)
+        and all(type(row[key]) is kind for key, kind in _ROW_TYPES.items())
+        and 0 <= row["samples"] <= row["size"]
         and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*-[0-9]{6,}\.tar", row["file"])
         for row in rows
     )

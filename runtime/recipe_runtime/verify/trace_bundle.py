@@ -65,7 +65,7 @@ def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> 
         InputError: the path exists, is not a file of traces, and `replace` is not set.
     """
     body = dumps(traces)
-    if path.is_file() and path.read_bytes() == body:
+    if path.is_file() and path.stat().st_size == len(body) and path.read_bytes() == body:
         return False
     if path.is_file() and not replace:
         with path.open("rb") as file:

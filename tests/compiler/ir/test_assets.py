@@ -130,9 +130,9 @@ def test_texts_may_hold_their_data() -> None:
     import base64
     import json
 
-    told, body = document()
-    told["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(body).decode()
-    assert corners(mesh(json.dumps(told).encode(), "gltf", "y")) == corners(mesh(glb(), "glb", "y"))
+    declared, body = document()
+    declared["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(body).decode()
+    assert corners(mesh(json.dumps(declared).encode(), "gltf", "y")) == corners(mesh(glb(), "glb", "y"))
 
 
 @pytest.mark.parametrize("mode", ["L", "P", "RGB", "RGBA", "1", "LA"])
@@ -166,14 +166,14 @@ def _glb(**changes: Any) -> bytes:
 
 
 def _accessors(at: int, **changes: Any) -> bytes:
-    told, _ = document()
-    told["accessors"][at] |= changes
-    return glb(told)
+    declared, _ = document()
+    declared["accessors"][at] |= changes
+    return glb(declared)
 
 
 BROKEN: dict[str, tuple[str, bytes, str]] = {
     "a cut STL": ("stl", stl()[:-7], "its header states 4 triangles (284 bytes), but it has 277 bytes"),
-    "an STL that boasts": ("stl", stl(told=2**32 - 1), "4294967295 triangles"),
+    "an STL that boasts": ("stl", stl(declared=2**32 - 1), "4294967295 triangles"),
     "an STL of nothing": ("stl", stl(faces=FACES[:0]), "has no triangle with an area above 0"),
     "a short STL": ("stl", b"abc", "shorter than a header"),
     "a text STL without end": ("stl", stl_text()[:-60], "is truncated or damaged"),
@@ -301,15 +301,15 @@ values = st.recursive(scalars, lambda v: st.lists(v, max_size=3) | st.dictionari
 @given(st.data())
 def test_any_gltf_document_is_read_or_refused(data: st.DataObject) -> None:
     """One value of a valid document, wherever it is, becomes any other."""
-    told, body = document()
-    here: Any = told
+    declared, body = document()
+    here: Any = declared
     while isinstance(here, dict | list) and here:
         key = data.draw(st.sampled_from(sorted(here) if isinstance(here, dict) else range(len(here))))
         if not isinstance(here[key], dict | list) or data.draw(st.booleans()):
             here[key] = data.draw(values)
             break
         here = here[key]
-    _read_or_refused("glb", glb(told, body))
+    _read_or_refused("glb", glb(declared, body))
 
 
 def _read_or_refused(kind: str, content: bytes) -> None:

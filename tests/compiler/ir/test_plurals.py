@@ -12,10 +12,10 @@ from tests.sources import ROOT
 
 
 @pytest.mark.parametrize(
-    ("number", "told"), [(0, "0 frames"), (1, "1 frame"), (2, "2 frames"), (100_000, "100,000 frames")]
+    ("number", "reported"), [(0, "0 frames"), (1, "1 frame"), (2, "2 frames"), (100_000, "100,000 frames")]
 )
-def test_a_count_takes_the_form_of_its_number(number: int, told: str) -> None:
-    assert count(number, "frame") == told
+def test_a_count_takes_the_form_of_its_number(number: int, reported: str) -> None:
+    assert count(number, "frame") == reported
 
 
 def test_nouns_and_verbs_of_two_forms() -> None:

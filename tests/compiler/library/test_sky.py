@@ -109,7 +109,7 @@ def test_sun_is_reported_to_a_hundredth_so_that_no_last_bit_shows() -> None:
 
 
 def test_an_angle_by_hand_wins_over_time_and_time_over_a_preset() -> None:
-    told = only(small(time="15:00")).appearance.sun
+    reported = only(small(time="15:00")).appearance.sun
     by_hand = only(small(time="15:00", weather={"preset": "ClearSunset", "sun_altitude_angle": 10})).appearance.sun
-    assert (by_hand.azimuth, by_hand.altitude) == (told.azimuth, 10)
-    assert only(small(time="15:00", weather="ClearSunset")).appearance.sun == told
+    assert (by_hand.azimuth, by_hand.altitude) == (reported.azimuth, 10)
+    assert only(small(time="15:00", weather="ClearSunset")).appearance.sun == reported

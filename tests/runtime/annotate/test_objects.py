@@ -134,7 +134,7 @@ def turned(q: list[float]) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("angles", [(0, 30, 0), (0, 0, 25), (40, -35, 15), (170, 20, -170)])
 def test_boxes_hold_their_actors_whatever_way_the_sensor_looks(angles: tuple[float, float, float]) -> None:
-    """Every vertex of an actor, told in the box's own axes, lies within half the box's size."""
+    """Every vertex of an actor, in the box's own axes, is within half the box's size."""
     yaw, pitch, roll = angles
     variant = dataset_plan().variants[0]
     pose = Pose(x=0.5, z=1.5, yaw=yaw, pitch=pitch, roll=roll)

@@ -100,6 +100,34 @@ def test_pictures_and_gradients_have_equal_bytes_with_any_number_of_threads(reci
     assert found == expected
 
 
+def test_kept_views_are_bounded_by_their_memory(recipe: Path) -> None:
+    """And pictures stay the same when views are made again."""
+    from recipe_runtime.torch import SceneView
+
+    texture = texture_of(SECOND)
+    all_kept, one_kept = SceneView(recipe, "poster", PLACES), SceneView(recipe, "poster", PLACES, memory=1)
+    for _ in range(2):
+        assert torch.equal(all_kept.pictures(texture), one_kept.pictures(texture))
+    assert (len(all_kept._views), len(one_kept._views)) == (3, 1)
+
+
+def test_frames_through_a_lens_and_of_inserted_patches(recipe: Path) -> None:
+    """Quantised pictures are the frames' bytes there too, and one gradient sums both ways into the picture."""
+    from recipe_runtime.torch import SceneView
+
+    path, digital = recipe.with_name("lens.yaml"), "weather=rainy,insertion=digital"
+    text = recipe.read_text().replace("fov: 70}", "fov: 70, lens_k: 0.1, motion_blur_intensity: 4, bloom_intensity: 2}")
+    path.write_text(text.replace("insertion: {", "insertion: {digital: {patches: {poster: {mode: digital}}}, "))
+    view, texture = SceneView(path, "poster", [(RENDERED, 1), (digital, 1)]), texture_of(SECOND, requires_grad=True)
+    pictures = view.pictures(texture)
+    for variant, shown in zip((RENDERED, digital), pictures.detach(), strict=True):
+        expected = recipe_runtime.open(path, variant).render(1, textures={"poster": SECOND})
+        np.testing.assert_array_equal((shown * 255).round().to(torch.uint8).numpy().transpose(1, 2, 0), expected)
+    first, second = (torch.autograd.grad(p.sum(), texture, retain_graph=True)[0] for p in pictures)
+    (both,) = torch.autograd.grad(pictures.sum(), texture)
+    assert first.abs().max() > 0.01 and second.abs().max() > 0.01 and torch.allclose(first + second, both, atol=1e-4)
+
+
 def test_torchs_check_of_gradients(recipe: Path) -> None:
     from recipe_runtime.torch import SceneView
 

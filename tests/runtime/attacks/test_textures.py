@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import recipe_runtime
 from recipe_compiler.ir.errors import InputError
+from recipe_runtime import scenario
+from recipe_runtime.attacks.truth import patch_truth
 from recipe_runtime.scenario import Scenario
 
 from tests.compiler.modelling import picture, png
@@ -79,6 +82,27 @@ def test_a_patch_view_renders_the_same(scene: Scenario) -> None:
     assert gradient.shape == (16, 16, 3) and (gradient > 0).any()
 
 
+@pytest.mark.parametrize("captured", ["rgb", "instance"])
+def test_a_stream_gives_the_pictures_and_the_truth_of_single_frames(
+    scene: Scenario, captured: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where no picture is wanted: a stream's observation has no visibility from which to find the patches."""
+    source, sensor, appearance = (
+        scene._scenes.source(scene.plan.scene),
+        scene.plan.rig.sensors[0],
+        scene.plan.appearance,
+    )
+    monkeypatch.setattr(source, "use_streams", True)
+    wanted = [appearance] if captured == "rgb" else []
+    for made in source.make(sensor, wanted, range(3), patched=[appearance]):
+        (shown,) = made.patch_maps
+        truth = patch_truth(source, appearance, sensor, made.seen, made.number, shown)
+        assert truth == scene.patches(made.number) and any(record["area"] for record in truth["patches"])
+        for drawn in made.pictures:
+            np.testing.assert_array_equal(drawn, scene.render(made.number))
+    assert source._stream[1] is not None, "it was a stream"
+
+
 def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: Scenario) -> None:
     image = np.zeros((4, 4, 3), np.uint8)
     with pytest.raises(InputError, match="no patch 'sticker'; it has poster, paint"):
@@ -99,3 +123,26 @@ def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: S
         scene.patch_view(0, "poster", "roof")
     with pytest.raises(IndexError):
         scene.render(3, textures={"poster": image})
+
+
+def test_kept_frames_are_bounded_by_their_memory(scene: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A frame of 4096 x 4096 whose pixels all show a patch takes 5 GB."""
+    frames = [scene._scenes.patched_frame(scene.plan, scene.plan.rig.sensors[0], frame) for frame in range(3)]
+    assert all(frame.memory >= 96 * 64 * 3 for frame in frames)
+    monkeypatch.setattr(scenario, "PATCHED_FRAME_CACHE_BYTES", frames[0].memory - 1)
+    scene.close()
+    shown = [scene.render(frame, textures={"poster": SECOND}) for frame in (0, 1, 2)]
+    assert len(scene._scenes._patched) == 1
+    np.testing.assert_array_equal(scene.render(0, textures={"poster": SECOND}), shown[0])
+
+
+@pytest.mark.parametrize("given", [[[1], [1, 2]], np.full((9, 7, 3), np.nan), np.zeros((9, 7, 3), np.int32)], ids=str)
+def test_what_is_no_image_is_refused_by_a_view_too(scene: Scenario, given: Any) -> None:
+    with pytest.raises(InputError, match="the texture of poster"):
+        scene.patch_view(0, "poster", size=(9, 7)).forward(given)
+
+
+@pytest.mark.parametrize("size", [(1.5, 2), ("a", "b"), (True, 1), (0, 1), (1 << 40, 1)])
+def test_sizes_of_textures_are_whole_numbers_within_limits(scene: Scenario, size: Any) -> None:
+    with pytest.raises(InputError, match="the texture of poster"):
+        scene.patch_view(0, "poster", size=size)

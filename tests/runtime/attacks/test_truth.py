@@ -215,6 +215,19 @@ def test_what_is_seen_lies_within_the_corners_also_through_a_lens(recipe: Path) 
             assert truth["patches"][0]["amodal_area"] == max(int(covered.sum()), int(shown.sum()))
 
 
+def test_large_pictures_are_projected_by_strips(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that the truth of a patch takes little memory beside a picture of 4096 x 4096."""
+    face = PatchFace(
+        part="static", corner=(3.0, 1.0, 0.4), right=(0.0, -1.0, 0.0), down=(0.3, 0.0, -1.0), width=2, height=1, reach=1
+    )
+    camera = CameraPlan(width=150, height=110, fov=80.0, near=0.1, far=100.0, lens_k=-0.1, lens_kcube=0.02)
+    view = projection.view_from_world(np.eye(3, 4))
+    whole = projection.covered_pixels(face, camera, view)
+    monkeypatch.setattr(projection, "_STRIP", 401)
+    assert 0 < whole.sum() < whole.size
+    np.testing.assert_array_equal(projection.covered_pixels(face, camera, view), whole)
+
+
 def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe: Path, tmp_path: Path) -> None:
     """Files of an earlier dataset are reused by appearance, also for a sensor without pictures."""
     out, cache = tmp_path / "out", recipe.parent / "cache"

@@ -43,7 +43,7 @@ def test_only_the_cache_that_sealed_a_stopped_build_resumes_it(tmp_path: Path) -
 
 
 def test_a_record_of_another_seal_is_made_again(tmp_path: Path) -> None:
-    """A stranger who knows the job's seal still cannot write a record, nor put one shard's in another's place."""
+    """An attacker who knows the job's seal can neither write a record nor swap those of two shards."""
     stopped(tmp_path, tmp_path / "cache")
     records = sorted((tmp_path / ".tiny.partial/shards").iterdir())
     assert len(records) > 1

@@ -340,7 +340,7 @@ def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -
 
 @pytest.mark.parametrize("workers", [0, 1])
 def test_a_scene_that_cannot_be_loaded_is_reported_with_its_first_frame(tmp_path: Path, workers: int) -> None:
-    """Workers load it while it is simulated; what fails there is no less told."""
+    """Workers load it while it is simulated; errors there are reported, too."""
     with pytest.raises(RunError) as caught:
         again(tmp_path, engines=UNLOADABLE, workers=workers)
     assert str(caught.value) == "weather=w0,jitter=still, street, frame 0: ArithmeticError: the scene has no ground"

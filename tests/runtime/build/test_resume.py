@@ -93,7 +93,7 @@ def test_what_the_dataset_does_not_prove_is_rendered(fresh: Lockfile, built: Pat
 def test_only_a_dataset_of_this_host_is_taken_over(
     fresh: Lockfile, built: Path, tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A stranger's manifest may say anything; it is believed by its digest, which this host's cache knows."""
+    """Manifests are untrusted; one is accepted by its digest, which this host's cache has."""
     cache = tmp_path / "cache"
     if how == "another cache":
         cache = tmp_path / "other"

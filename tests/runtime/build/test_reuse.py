@@ -132,16 +132,16 @@ def test_other_outputs_are_made_anew(tmp_path: Path) -> None:
 
 
 def test_each_stage_says_why_it_runs(tmp_path: Path) -> None:
-    told: list[str] = []
-    _build(tmp_path, dataset_plan(frames=6, weathers=1), explain=told.extend)
-    assert told[0] == "simulate 1 of 1 scene: their motion is not in the cache"
-    assert told[1].startswith(
+    reported: list[str] = []
+    _build(tmp_path, dataset_plan(frames=6, weathers=1), explain=reported.extend)
+    assert reported[0] == "simulate 1 of 1 scene: their motion is not in the cache"
+    assert reported[1].startswith(
         "observe, label and shade street, 6 frames of weather=w0,jitter=still: there is no earlier"
     )
-    told.clear()
-    _build(tmp_path, dataset_plan(frames=6, weathers=2), explain=told.extend)
-    assert told[0] == "simulate nothing: the motion of 1 scene is in the cache"
-    assert told[1] == "reuse street, 6 frames of weather=w0,jitter=still: nothing of them changed"
-    assert told[2] == (
+    reported.clear()
+    _build(tmp_path, dataset_plan(frames=6, weathers=2), explain=reported.extend)
+    assert reported[0] == "simulate nothing: the motion of 1 scene is in the cache"
+    assert reported[1] == "reuse street, 6 frames of weather=w0,jitter=still: nothing of them changed"
+    assert reported[2] == (
         "shade street, 6 frames of weather=w1,jitter=still: an appearance that the earlier dataset has not"
     )

@@ -20,7 +20,7 @@ from tests.runtime.fakes import ENGINES, dataset_plan
 
 
 def _filled(root: Path) -> Store:
-    """Three traces, the second just used; a kernel; and a stranger's file."""
+    """Three traces, the second just used; a kernel; and a foreign file."""
     store = Store(root)
     for number, key in enumerate(("aa" * 32, "bb" * 32, "cc" * 32)):
         store.put("traces", key, b"x" * 1000)
@@ -39,9 +39,9 @@ def _filled(root: Path) -> Store:
 
 def test_sizes_are_reported_by_kind(tmp_path: Path) -> None:
     _filled(tmp_path)
-    told = sizes(entries([tmp_path]))
-    assert told["kernels"] == (1, 500)
-    assert told["traces"][0] == 3
+    reported = sizes(entries([tmp_path]))
+    assert reported["kernels"] == (1, 500)
+    assert reported["traces"][0] == 3
 
 
 def test_what_was_unused_for_longest_goes_first(tmp_path: Path) -> None:

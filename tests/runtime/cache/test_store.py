@@ -133,7 +133,7 @@ def test_another_scenes_trace_is_not_taken_for_a_scenes_own(tmp_path: Path) -> N
 def test_a_trace_has_the_frames_actors_and_parts_of_its_scene(
     tmp_path: Path, forged: Callable[[ScenePlan], Trace]
 ) -> None:
-    """Also where the seal is right, as whoever can write to the cache can make it."""
+    """This applies even if the seal is valid, because anyone who can write to the cache can compute it."""
     scene, store = scene_plan(), Store(tmp_path)
     store.keep_trace(scene, forged(scene))
     assert not store.has_trace(scene)
@@ -153,6 +153,16 @@ def test_a_trace_has_the_parts_that_its_actors_shapes_have() -> None:
     assert is_motion_of(trace(names), scene)
     for wrong in (names[:-1], (*names, "hero1/tail"), names[::-1], ()):
         assert not is_motion_of(trace(wrong), scene)
+
+
+@pytest.mark.parametrize("body", [b"[[1]]", b'[["a", "b", "c", 1, 2.0]]', b"5", b"{", b"\xff", b"[" * 100_000])
+def test_contacts_of_another_form_count_as_absent(tmp_path: Path, body: bytes) -> None:
+    scene, store = scene_plan(), Store(tmp_path)
+    assert store.keep_trace(scene, simulate(scene)).contacts == simulate(scene).contacts
+    (entry,) = (path for path in tmp_path.glob("contacts/*/*") if path.is_file())
+    store.put("contacts", entry.name, body)
+    assert store.trace(scene, lambda: simulate(scene)).contacts is None
+    assert store.trace(scene, lambda: simulate(scene), contacts=True).contacts == simulate(scene).contacts
 
 
 def test_only_a_bad_trace_is_replaced(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """The Trace: bytes round-trip, damage is noticed, and every number counts for its digest."""
 
+import hashlib
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +43,18 @@ def test_every_array_counts(field: str) -> None:
     assert changed.actor_digest("a") != trace.actor_digest("a")
     assert changed.actor_digest("b") == trace.actor_digest("b")
     assert changed.actor_digest("a", 3) == trace.actor_digest("a", 3)
+
+
+def test_a_long_header_is_refused_before_it_is_parsed() -> None:
+    """Of a file from outside: a line of 1 GiB would become objects of 27 GiB."""
+    body = b'{"format":"recipe/trace/1","x":[' + b"[]," * (3 << 20) + b"[]]}\n"
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match="header is over 8,388,608 bytes"):
+            Trace.from_bytes(body + hashlib.sha256(body).digest())
+        assert tracemalloc.get_traced_memory()[1] < 4 * len(body)
+    finally:
+        tracemalloc.stop()
 
 
 def test_an_actor_knows_its_parts() -> None:

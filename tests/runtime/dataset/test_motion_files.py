@@ -99,23 +99,23 @@ def test_events_of_trace_plan_and_labels() -> None:
     positions = trace.positions.copy()
     positions[4:7, 2, 2] = -1000 * METRE
     found = rows(events_csv(scene, replace(trace, positions=positions), []))
-    told = {kind: [row for row in found if row["event"] == kind] for kind in {row["event"] for row in found}}
-    assert sorted(told) == ["collision", "light", "presence", "walk_light"]
-    assert [list(row.values())[1:] for row in told["collision"]] == [
+    reported = {kind: [row for row in found if row["event"] == kind] for kind in {row["event"] for row in found}}
+    assert sorted(reported) == ["collision", "light", "presence", "walk_light"]
+    assert [list(row.values())[1:] for row in reported["collision"]] == [
         ["0", "1", "0.000000", "0.125000", "", "van", "hero1", "4.500"],
         ["2", "11", "0.204167", "1.666667", "", "hero1", "hero2", "0.250"],
     ]
-    assert [(row["frame"], row["end_frame"]) for row in told["presence"] if row["subject"] == "van"] == [
+    assert [(row["frame"], row["end_frame"]) for row in reported["presence"] if row["subject"] == "van"] == [
         ("0", "3"),
         ("7", "11"),
     ]
-    assert [(row["frame"], row["end_frame"], row["value"]) for row in told["light"]] == [
+    assert [(row["frame"], row["end_frame"], row["value"]) for row in reported["light"]] == [
         ("0", "3", "red"),
         ("4", "6", "green"),
         ("7", "8", "amber"),
         ("9", "11", "red"),
     ]
-    assert {row["subject"] for row in told["light"]} == {"light, north"}
+    assert {row["subject"] for row in reported["light"]} == {"light, north"}
     assert [int(row["frame"]) for row in found] == sorted(int(row["frame"]) for row in found)
 
 

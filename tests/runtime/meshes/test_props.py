@@ -96,7 +96,7 @@ def test_nobody_walks_through_a_prop() -> None:
 
 
 def _engines(assets: Assets) -> Engines:
-    """The light engines, told where assets are."""
+    """The light engines, with the folder of the assets."""
     plain = fakes.ENGINES
     return Engines(plain.simulate, plain.actors, plain.renderer, assets)
 
@@ -125,9 +125,9 @@ def test_a_dataset_without_its_assets_is_inconclusive_and_says_why(tmp_path: Pat
 def test_a_dataset_names_its_assets(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
     build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))
-    told = json.dumps([json.loads(p.read_text()) for p in sorted((tmp_path / "set/plans").glob("*.json"))])
-    assert all(prop.mesh.sha256 in told for prop in plan.variants[0].scene.props if prop.mesh)
-    assert str(GOOD.parent) not in told
+    reported = json.dumps([json.loads(p.read_text()) for p in sorted((tmp_path / "set/plans").glob("*.json"))])
+    assert all(prop.mesh.sha256 in reported for prop in plan.variants[0].scene.props if prop.mesh)
+    assert str(GOOD.parent) not in reported
 
 
 def test_bytes_that_changed_are_not_used(tmp_path: Path) -> None:
@@ -222,7 +222,7 @@ def test_a_frame_has_the_same_bytes_in_any_process_and_shows_its_props() -> None
 
 @pytest.mark.slow
 def test_labels_know_the_shipped_props_and_no_image_changes_them() -> None:
-    """The board stands 9.99 m before a camera of 60 degrees; a pinhole tells where its middle is."""
+    """The board is 9.99 m in front of a camera of 60 degrees; the pinhole formula gives its middle."""
     street = recipe_runtime.open(SHIPPED, variant="weather=noon,poster=sunset")
     labels = {modality: street.render(0, modality=modality) for modality in ("depth", "instance", "semantic")}
     focal = 320.0 * 3.0**0.5

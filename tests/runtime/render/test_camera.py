@@ -162,7 +162,7 @@ def test_supersampling_comes_nearer_to_the_truth(renderer: Renderer) -> None:
 
 
 def test_an_hdr_image_of_one_sample_a_pixel_gives_the_plain_picture(renderer: Renderer) -> None:
-    """Effects too weak to tell go through the HDR image, and change nothing but roundings."""
+    """Imperceptible effects go through the HDR image and change only roundings."""
     plain = shot(renderer).astype(int)
     for effect in ("bloom_intensity", "chromatic_aberration_intensity"):
         assert np.abs(shot(renderer, **{effect: 1e-6}) - plain).max() <= 1

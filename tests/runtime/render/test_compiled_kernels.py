@@ -207,10 +207,10 @@ def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
         assert child.stdin is not None
         child.stdin.write("go\n")
         child.stdin.flush()
-    told = [child.communicate(timeout=120) for child in children]
-    assert [child.returncode for child in children] == [0, 0], told
-    assert "".join(out for out, _ in told) == "compiled\n"
-    assert "".join(err for _, err in told) == f"{FIRST}\n"
+    reported = [child.communicate(timeout=120) for child in children]
+    assert [child.returncode for child in children] == [0, 0], reported
+    assert "".join(out for out, _ in reported) == "compiled\n"
+    assert "".join(err for _, err in reported) == f"{FIRST}\n"
 
 
 def test_a_process_that_is_stopped_while_it_compiles_is_not_waited_for_forever(

@@ -48,8 +48,8 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
         given = variant.appearance.weather.model_copy(update=weather)
         light = []
         for altitude in HOURS:
-            told = {"weather": given, "sun": Sun(azimuth=30.0, altitude=altitude), "responses": calm}
-            look = variant.appearance.model_copy(update=told)
+            reported = {"weather": given, "sun": Sun(azimuth=30.0, altitude=altitude), "responses": calm}
+            look = variant.appearance.model_copy(update=reported)
             light.append(float(renderer.shade(seen, look, sensor.name, 0, 0.0).mean()))
         assert all(later <= earlier + STEP for earlier, later in pairwise(light)), (name, light)
         assert all(value <= min(light[: n + 1]) + RISE for n, value in enumerate(light)), (name, light)

@@ -72,8 +72,8 @@ def test_kept_mirror_images_are_those_of_a_fresh_renderer(seed: int) -> None:
     eye = from_pose(Pose(x=x, y=y, z=z, yaw=draw.uniform(-20, 30), pitch=draw.uniform(-2, 25)))
     names = draw.sample(list(WET), draw.randint(1, 2))
     response = CameraResponse(antialias=draw.random() < 0.7, noise=0.0)
-    told = {"looks": Looks(looks), "responses": {"street": response}}
-    weathers = [WET[name].model_copy(update=told) for name in names]
+    reported = {"looks": Looks(looks), "responses": {"street": response}}
+    weathers = [WET[name].model_copy(update=reported) for name in names]
     fresh = Renderer(bodies, reuse=NO_REUSE)
     keeping = [Renderer(bodies), Renderer(bodies, reuse=TemporalReuse(pixels=False))]
     places = [[draw.uniform(2, 16), draw.uniform(-6, 3), draw.uniform(0, 360)] for _ in range(2 + movers)]

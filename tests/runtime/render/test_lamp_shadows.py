@@ -201,7 +201,7 @@ def test_no_shadow_pops_when_the_camera_moves(many_lamps: Geometry, x: float, ya
         assert used.sum() == (slots.weights > 0.0).sum()
         np.testing.assert_array_equal(slots.lights[by_light[used, 0].astype(int)], np.flatnonzero(used))
         found.append(by_light[:, 1])
-    assert np.abs(found[0] - found[1]).max() <= 0.4 * step + 1e-9
+    assert np.abs(found[0] - found[1]).max() <= 0.6 * step + 1e-9
 
 
 def test_a_tile_that_meets_many_lamps_drops_none() -> None:

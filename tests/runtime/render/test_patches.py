@@ -16,7 +16,7 @@ from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, FilePlan, Looks,
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE
-from recipe_runtime.render.gpu.frame_stream import can_stream
+from recipe_runtime.render.gpu.frame_stream import FrameBatch, can_stream
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
@@ -254,13 +254,42 @@ def test_emission_shines_at_night_and_gloss_mirrors_the_sky() -> None:
     np.testing.assert_array_equal(glossy[~grown(mask)], matt[~grown(mask)])
 
 
-def test_patched_appearances_are_drawn_one_by_one() -> None:
-    """A stream does not keep the observation from which a patch's mask is computed."""
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
+@pytest.mark.parametrize("weathers", [["noon", "rainy"], ["night"]])
+def test_a_frame_stream_has_the_renderers_bytes_and_masks(weathers: list[str], device: str) -> None:
+    """Of an image on a wall and paint on a moving car, beside an appearance without patches and one for masks alone."""
+    image = noise(24, 32)
+    images = {file_of(image).sha256: image}
+    paint = FACE.model_copy(update={"part": "body", "corner": (2.0, -0.6, 1.2), "right": (0.0, 1.0, 0.0), "reach": 9.0})
+    texture = PatchTexture(image=file_of(image))
+    painted = patch(texture, "car", (paint,), name="paint", whole=True, slots=("paint",), emission=90.0)
+    plans = [with_patches(WEATHERS[name], patch(texture, gloss=0.4), painted) for name in weathers]
+    masked = with_patches(WEATHERS["noon"], painted)
+    scene, streaming = Scene(images, reuse=NO_REUSE), Scene(images, device=device).renderer
+    looks, numbers = [*plans, with_patches(WEATHERS[weathers[0]])], [0, 3, 1]
+    batch = FrameBatch(
+        numbers, [n / 30 for n in numbers], np.stack([EYE] * 3), np.stack([parts_at(n) for n in numbers])
+    )
+    stream = streaming.frame_stream(CAMERA, "street", looks, 2, [plans[0], masked])
+    for number, made in zip(numbers, stream.frames(batch), strict=True):
+        seen = scene.see(frame=number)
+        for plan, picture in zip(looks, made.pictures, strict=True):
+            np.testing.assert_array_equal(picture, scene.show(seen, plan, number))
+        for plan, shown in zip((plans[0], masked), made.patch_maps, strict=True):
+            np.testing.assert_array_equal(shown, scene.renderer.patch_map(seen, plan, number))
+        assert set(np.unique(made.patch_maps[0])) == {0, 1, 2} and set(np.unique(made.patch_maps[1])) == {0, 1}
+
+
+def test_inserted_and_changing_patches_are_drawn_one_by_one() -> None:
+    """A stream's pictures have no textures inserted, and its images stay the same from frame to frame."""
     from recipe_compiler.ir.plan import SensorPlan
 
     sensor = SensorPlan(name="street", camera=CAMERA, capture=("rgb",), poses=(Pose(),))
     assert can_stream(sensor, [appearance()])
-    assert not can_stream(sensor, [with_patches(appearance(), patch(of_colour("#ff0000")))])
+    assert can_stream(sensor, [with_patches(appearance(), patch(of_colour("#ff0000")))])
+    assert not can_stream(sensor, [with_patches(appearance(), patch(of_colour("#ff0000"), mode="digital"))])
+    film = PatchTexture(frames=(file_of(noise(2, 2)), file_of(noise(2, 3))))
+    assert not can_stream(sensor, [with_patches(appearance(), patch(film))])
 
 
 def test_through_a_lens_the_mask_bends_as_labels_do() -> None:

@@ -1,4 +1,4 @@
-"""Two files that should be one picture: counted where they can be, and no header of a stranger's is believed."""
+"""Differences of two picture files: differing pixels are counted if possible, and headers are not trusted."""
 
 from __future__ import annotations
 

@@ -169,8 +169,8 @@ def test_the_command_draws_a_recipe_or_a_town(tmp_path: Path, monkeypatch: pytes
     monkeypatch.chdir(tmp_path)
     (tmp_path / "first.yaml").write_text(template("first"))
     assert run("--map", "first.yaml").stdout == "first-map.png: downtown from above\n"
-    told = json.loads(run("--map", "plaza", "-o", "square.png", "--json").stdout)
-    assert told.items() >= {"file": "square.png", "town": "plaza", "variant": None}.items()
+    reported = json.loads(run("--map", "plaza", "-o", "square.png", "--json").stdout)
+    assert reported.items() >= {"file": "square.png", "town": "plaza", "variant": None}.items()
     for name in ("first-map.png", "square.png"):
         with Image.open(tmp_path / name) as picture:
             assert picture.size[0] > 1000

@@ -208,7 +208,7 @@ def test_a_crossing_is_where_the_way_is_on_the_road() -> None:
 
 
 def test_the_light_of_a_crossing_is_that_of_the_road_which_it_crosses() -> None:
-    """Whoever crosses the main street walks while its vehicles have red."""
+    """Pedestrians cross the main street while its vehicles have red."""
     y = NORTH.pose.y - NORTH.shape["over_y"]
     _, over_main = crossing_of(((-6.0, y), (6.0, y)))
     x = NORTH.shape["over_x"]

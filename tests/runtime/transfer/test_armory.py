@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import tracemalloc
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +17,15 @@ from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import PatchFace, PatchPlan, PatchTexture
+from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.attacks.patch_metadata import is_on_ground
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset import reader
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.loading import opened
+from recipe_runtime.transfer import armory
+from recipe_runtime.transfer.export_sequence import ExportSequence
 from recipe_runtime.transfer.layouts import export_layout
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
@@ -245,7 +250,7 @@ def test_the_export_is_of_the_patch_that_is_named(dataset: Dataset, export: Path
     assert "all,weather=clear,street,all,no patch or no rgb" in (tmp_path / "banner/left_out.csv").read_text()
     export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="poster")
     assert without_index(tmp_path / "poster") == without_index(export), "the first patch is the default"
-    with pytest.raises(InputError, match="is another export"):
+    with pytest.raises(InputError, match="is a different export"):
         export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="banner")
 
 
@@ -267,7 +272,21 @@ def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("broken", [{"corners_int": [[1, 2]]}, {"area": "9"}, {"counts": "~~"}, {"depth": None}])
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"corners_int": [[1, 2]]},
+        {"corners_int": [[0.5, 0]] * 4},
+        {"area": "9"},
+        {"counts": "~~"},
+        {"depth": None},
+        {"depth": float("nan")},
+        {"depth": []},
+        {"depth": 1e300},
+        {"more": [[]] * 3_000_000},
+    ],
+    ids=str,
+)
 def test_a_forged_truth_is_an_error(
     dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: dict[str, Any]
 ) -> None:
@@ -285,6 +304,35 @@ def test_a_forged_truth_is_an_error(
     with pytest.raises(InputError, match="patches/"):
         export_layout(dataset, tmp_path / "out", "armory", quiet)
     assert not (tmp_path / "out").exists()
+
+
+def test_masks_are_not_kept(dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Memory grows with frames by some numbers each; a frame's masks have up to 16 MiB."""
+    size, found = 4 << 20, ExportSequence.labels
+
+    def labels(sequence: ExportSequence) -> Iterator[LabelledFrame]:
+        for frame in found(sequence):
+            yield {**frame, "objects": [{**item, "counts": "0" * size} for item in frame["objects"]]}
+
+    monkeypatch.setattr(ExportSequence, "labels", labels)
+    pairs = [(variant, sensor) for variant in dataset.plan.variants for sensor in variant.rig.sensors]
+    sequences = [ExportSequence(dataset, *pair, number) for number, pair in enumerate(pairs)]
+    tracemalloc.start()
+    try:
+        text = [piece for _, content in armory.annotation_files(sequences) for piece in content]
+        assert '"bbox"' in "".join(map(str, text))
+        assert tracemalloc.get_traced_memory()[1] < 6 * size  # two frames of two objects, and little else
+    finally:
+        tracemalloc.stop()
+
+
+def test_the_lines_of_a_sequence_are_made_once(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not once a frame, which takes a time that grows with the square of the frames."""
+    made: list[int] = []
+    monkeypatch.setattr(armory, "_instances", lambda frames: made.append(len(frames)))
+    variant = dataset.plan.variants[0]
+    list(armory.sequence_files(ExportSequence(dataset, variant, variant.rig.sensors[0], 0)))
+    assert made == [FRAMES]
 
 
 def test_metadata_of_what_is_not_there(recipe: Path) -> None:

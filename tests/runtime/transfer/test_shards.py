@@ -6,9 +6,13 @@ import gc
 import hashlib
 import io
 import json
+import os
 import shutil
 import tarfile
+import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,8 @@ from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import Dataset, read
 from recipe_runtime.transfer import shards
+from recipe_runtime.transfer.export_folder import MARKER
+from recipe_runtime.transfer.layouts import export_layout
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
@@ -55,11 +61,11 @@ def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
     for sample, (variant, sensor, frame) in zip(samples, wanted, strict=True):
         place = f"{layout.folder(variant.variant)}/{sensor.name}"
         assert sample["__key__"] == f"{place}/{frame:06d}"
-        told = sample["json"]
-        assert (told["variant"], told["sensor"], told["frame"]) == (variant.variant, sensor.name, frame)
+        reported = sample["json"]
+        assert (reported["variant"], reported["sensor"], reported["frame"]) == (variant.variant, sensor.name, frame)
         lines = (built.root / layout.labels_file(variant.variant, sensor.name)).read_text().splitlines()
         labels = json.loads(lines[frame])
-        assert {key: told[key] for key in labels} == labels
+        assert {key: reported[key] for key in labels} == labels
         with Image.open(built.root / place / "rgb" / f"{frame:06d}.png") as picture:
             np.testing.assert_array_equal(sample["rgb.png"], np.asarray(picture))
 
@@ -155,7 +161,7 @@ def test_what_a_killed_export_left_is_cleared(built: Dataset, tmp_path: Path) ->
     assert not list(tmp_path.glob(".again*"))
 
 
-@pytest.mark.parametrize("forgery", ["bytes", "folder", "name", "type", "link", "device"])
+@pytest.mark.parametrize("forgery", ["bytes", "folder", "name", "type", "link", "device", "text", "many"])
 def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_path: Path, forgery: str) -> None:
     out, precious = tmp_path / "out", tmp_path / "precious"
     first = exported(built, out)[0]
@@ -173,6 +179,9 @@ def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_pa
     elif forgery == "device":
         (out / shards.INDEX).unlink()
         (out / shards.INDEX).symlink_to("/dev/zero")
+    elif forgery in ("text", "many"):
+        index["shards"][0]["samples"] = "3" if forgery == "text" else 10**30
+        (out / shards.INDEX).write_text(json.dumps(index))
     else:
         index["shards"] = [{**index["shards"][0], "file": "../precious"}] if forgery == "name" else 7
         (out / shards.INDEX).write_text(json.dumps(index))
@@ -185,6 +194,44 @@ def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_pa
             shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
         assert (first / "thesis.tex").read_text() == "precious"
     assert precious.read_text() == "precious"
+
+
+@pytest.mark.parametrize("export", [shards.webdataset, partial(export_layout, form="kitti")])
+def test_a_forged_index_is_not_parsed_into_much_memory(
+    built: Dataset, tmp_path: Path, export: Callable[..., object]
+) -> None:
+    """16 MiB of empty lists would take 400 MB; a longer index than a dataset's export can have is not read."""
+    for size in ((16 << 20) - 4, 1 << 28):
+        with (tmp_path / "index.json").open("wb") as file:
+            file.write(b"[" + b"[]," * ((16 << 20) // 3 - 2) + b"[]]")
+            file.truncate(size)
+        tracemalloc.start()
+        try:
+            with pytest.raises(InputError, match="has files that do not belong to an export"):
+                export(dataset=built, out=tmp_path, progress=lambda *_: None, replace=True)
+            assert tracemalloc.get_traced_memory()[1] < 40 << 20
+        finally:
+            tracemalloc.stop()
+
+
+def test_the_current_folder_is_not_replaced(built: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its name is not known, and a shell would stay in the removed folder."""
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty")
+    for out in (Path(), Path("../empty")):
+        with pytest.raises(InputError, match="is the current folder"):
+            exported(built, out)
+    assert not list((tmp_path / "empty").iterdir())
+
+
+def test_a_marker_that_is_a_link_is_not_followed(built: Dataset, tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("precious")
+    os.utime(tmp_path / "mine", (1, 1))
+    (tmp_path / ".out.export").mkdir()
+    (tmp_path / ".out.export" / MARKER).symlink_to(tmp_path / "mine")
+    with pytest.raises(InputError, match="is not the work folder of an export"):
+        exported(built, tmp_path / "out")
+    assert (tmp_path / "mine").stat().st_mtime == 1
 
 
 def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> None:

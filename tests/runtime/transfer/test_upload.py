@@ -263,8 +263,8 @@ def test_a_build_into_a_bucket(s3: str, tmp_path: Path) -> None:
     shutil.copy(TINY, tmp_path)
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", s3, "--json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["url"] == s3 and told["kept"] == 0
+    reported = json.loads(done.stdout)
+    assert reported["url"] == s3 and reported["kept"] == 0
     client, back = boto3.client("s3"), tmp_path / "back"
     for row in client.get_paginator("list_objects_v2").paginate(Bucket="datasets", Prefix="tiny/"):
         for entry in row["Contents"]:

@@ -131,7 +131,7 @@ def test_datasets_are_said_to_be_compared_by_their_manifests(ours: Side) -> None
 
 
 def test_files_that_differ_come_last_and_in_the_order_in_which_they_are_made(ours: Side) -> None:
-    """Where no cause before tells why, each file is named, the ones that others are made from first."""
+    """Without an earlier cause, each file is named, sources before derived files."""
     picture, labels = "weather=w0,jitter=still/side/rgb/000000.png", "weather=w0,jitter=still/side/labels.jsonl"
     made = [picture, labels, "annotations/kwcoco.json", "preview/contact_sheet.png", "README.md"]
     one = replace(ours, listed=dict.fromkeys(made, "aa"))

@@ -1,4 +1,4 @@
-"""The self-test finds the stage that differs, says why it may if it may, and a sound host is told so."""
+"""The self-test finds the stage that differs, gives a reason if it may differ, and confirms a host that agrees."""
 
 from __future__ import annotations
 
@@ -112,20 +112,20 @@ def test_a_host_that_cannot_is_reported_why(golden: Path) -> None:
 def test_the_exit_code_is_1_where_tier_a_is_denied(
     monkeypatch: pytest.MonkeyPatch, options: list[str], state: Any, code: int
 ) -> None:
-    """A host without PyBullet was told `tier A: no`, and the command's exit code was 0."""
+    """A host without PyBullet got `tier A: no`, but the command's exit code was 0."""
     host = self_test.fingerprint([])
     found = self_test.Examination(host, [self_test.Check(stage, state, "a reason") for stage in self_test.STAGES])
     monkeypatch.setattr(self_test, "examine", lambda progress: found)
-    told = CliRunner().invoke(command, options)
-    assert told.exit_code == code, told.output
+    completed = CliRunner().invoke(command, options)
+    assert completed.exit_code == code, completed.output
     denied = '"A": "no"' if options else "tier A: no\n"
-    assert (denied in told.output) == (code == 1)
+    assert (denied in completed.output) == (code == 1)
 
 
 def test_the_fingerprint_names_no_host_user_or_place() -> None:
-    told = json.dumps(self_test.fingerprint(["cuda:0"]))
+    completed = json.dumps(self_test.fingerprint(["cuda:0"]))
     for private in (socket.gethostname(), str(Path.home()), str(Path.cwd()), os.environ.get("USER", "\0")):
-        assert len(private) < 3 or private not in told
+        assert len(private) < 3 or private not in completed
 
 
 @pytest.mark.slow

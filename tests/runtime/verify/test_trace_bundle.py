@@ -54,8 +54,8 @@ def test_a_trace_under_anothers_digest_is_refused(tmp_path: Path) -> None:
 def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
     packed = zlib.compress(b"\0" * (1 << 24), 9)
     scene = SCENES[0].digest
-    for told in (1000, 1 << 40, -1):
-        head = f"{scene} {LOCKED[scene]} {len(packed)} {told}\n".encode()
+    for reported in (1000, 1 << 40, -1):
+        head = f"{scene} {LOCKED[scene]} {len(packed)} {reported}\n".encode()
         (tmp_path / "a.traces").write_bytes(b"recipe-traces 1\n" + head + packed)
         with pytest.raises(InputError, match=r"the stated size|a Trace cannot have|more motion than"):
             trace_bundle.read(tmp_path / "a.traces", LOCKED, LIMITS)

@@ -114,7 +114,7 @@ ROW = ("0" * 16, "street", "rgb", 3)
     ],
 )
 def test_a_lockfile_holds_just_the_rows_of_its_recipe(locked: Lockfile, change: dict[str, Any], says: str) -> None:
-    """A stranger may seal anything: rows left out or added are found by the plan, for verify and for build alike."""
+    """Seals are untrusted: omitted and added rows are found by comparison with the plan, in verify and in build."""
     frames = {"frames": {**locked.frames, **change["frames"]}} if change.get("frames") else {}
     other = replace(locked, **{**change, **frames})
     report = check(other, everything=False, count=1)
@@ -330,9 +330,9 @@ def test_a_flipped_bit_in_a_picture_is_found_and_drawn(built: Path, tmp_path: Pa
     Image.fromarray(pixels).save(victim)
     report = check_folder(root, pictures=tmp_path / "differences")
     assert (report.verdict, report.stage) == ("FAIL", "file")
-    told = f"{modality}/000004.png: 1 pixel differs: (7, 5) is {now} as recorded, {was} as rendered"
+    reported = f"{modality}/000004.png: 1 pixel differs: (7, 5) is {now} as recorded, {was} as rendered"
     (difference,) = report.differences  # once: its bytes are the manifest's no more, which is the same news
-    assert told in str(difference)
+    assert reported in str(difference)
     assert (difference.recorded, difference.rendered) == (now, was)
     kinds = {Path(p).stem.rsplit("-", 1)[1] for p in report.pictures}
     assert kinds == {"recorded", "rendered", "difference"}

@@ -16,6 +16,7 @@ from recipe_compiler.ir.plan_types import MAX_FRAMES, Colour, FilePlan, Metres, 
 PatchMode = Literal["green", "rendered", "digital", "color_transfer"]
 TransferMethod = Literal["dapricot", "matrix", "armory", "reap"]
 INSERTED: tuple[PatchMode, ...] = ("digital", "color_transfer")  # modes that insert the texture into the picture
+WITH_CHART: tuple[TransferMethod, ...] = ("dapricot", "matrix", "reap")  # methods that need the picture of a chart
 GREEN = "#00903a"  # the placeholder colour
 STATIC = "static"  # the part of a static body; its frame is world space
 MAX_PATCHES, MAX_FACES, MAX_PATCH_SLOTS = 64, 64, 64

@@ -127,8 +127,9 @@ class CameraPass:
         """Return 1 + the number of the patch at each pixel's centre, uint8 [H, W]; 0 for none."""
         if not appearance.patches:
             return np.zeros((obs.camera.height, obs.camera.width), np.uint8)
-        points = self._sampler.points(self.post.undistorted(obs, 1), antialias=False)
-        return patch_map(obs, points, self.shading.patches_of(appearance, frame), self._device)
+        undistorted = self.post.undistorted(obs, 1)
+        scene, samples = self._sampler.frame(undistorted)
+        return patch_map(obs, undistorted, scene, samples, self.shading.patches_of(appearance, frame), self._device)
 
     def radiance(
         self, obs: Observation, appearance: AppearancePlan, time: float, frame: int = 0

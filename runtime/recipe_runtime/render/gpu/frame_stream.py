@@ -26,6 +26,7 @@ from recipe_runtime.render.gpu.recorded_frame import RecordedFrame, RenderedFram
 from recipe_runtime.render.gpu.stream_setup import ShadedAppearance, StreamSetup, frame_layout, suns_of
 from recipe_runtime.render.lighting import lights
 from recipe_runtime.render.numeric.seeds import noise_key
+from recipe_runtime.render.patches.patch_arrays import no_patches, patch_shapes, patch_structs, texture_of
 from recipe_runtime.render.raster.observer import all_tiles
 from recipe_runtime.render.sampling import sample_kernels
 from recipe_runtime.render.scene.camera import view_from_parts, world_from_parts, world_from_view
@@ -63,7 +64,9 @@ class FrameStream:
         sensor: str,
         appearances: Sequence[AppearancePlan],
         in_flight: int = 16,
+        patched: Sequence[AppearancePlan] = (),
     ) -> None:
+        """Prepare the stream; each frame has a map of the patches of each of the appearances `patched`."""
         self._g, self._device, self._camera, self._sensor = geometry, device, camera_plan, sensor
         self._shadows, self._atlases, self._tables = shadows, atlases, ResponseTables(device)
         lit = [initial_light(plan, device) for plan in appearances]
@@ -81,6 +84,7 @@ class FrameStream:
             side,
             suns,
             looks,
+            [patch_shapes(geometry, plan.patches, device) for plan in patched],
             tiles=wp.array(all_tiles(camera_plan), dtype=wp.int32, device=device),
             no_shadows=struct_array([shadows.none()] * 4, device),
             layout=frame_layout(geometry, len(suns), len(looks)),
@@ -119,10 +123,13 @@ class FrameStream:
     def _prepare(self, plan: AppearancePlan, light: WeatherLight, suns: list[NDArray[np.float64]]) -> ShadedAppearance:
         response = plan.responses.get(self._sensor) or CameraResponse()
         sun = next((n for n, sun in enumerate(suns) if light.sun_shines and bool((light.sun == sun).all())), -1)
-        colours = surface_colours(self._g, plan.looks.root, self._atlases.of(plan).images, self._device)
+        shown = [texture for patch in plan.patches if (texture := texture_of(patch, 0)) is not None]
+        atlas, device = self._atlases.of(plan, shown), self._device
+        colours = surface_colours(self._g, plan.looks.root, atlas.images, device)
+        patches = patch_structs(self._g, plan.patches, atlas.numbers, 0, device) if plan.patches else no_patches(device)
         tables = self._tables.by_pixel(response, self._camera)
-        air, uploaded = copy_struct(light.air), struct_array([colours], self._device)
-        return ShadedAppearance(plan, light, air, uploaded, response, tables, sun)
+        air, uploaded = copy_struct(light.air), struct_array([colours], device)
+        return ShadedAppearance(plan, light, air, uploaded, patches, response, tables, sun)
 
     def _rows(self, batch: FrameBatch, start: int, stop: int) -> NDArray[np.uint8]:
         """Return layout rows of some frames, without the bytes that belong to a recorded frame."""
@@ -198,10 +205,11 @@ class FrameStream:
 def can_stream(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:
     """Return whether a stream can draw a sensor in these appearances.
 
-    Its camera must need no post-processing, and the appearances must have no patches.
+    Its camera must need no post-processing, and the appearances' patches must not be inserted into the picture or
+    change their image from frame to frame.
     """
     responses = [plan.responses.get(sensor.name) or CameraResponse() for plan in appearances]
-    if any(plan.patches for plan in appearances):  # their truth is found from an observation, which a stream has not
+    if any(patch.inserted or patch.changes for plan in appearances for patch in plan.patches):
         return False
     plain = all(not needs_post_process(sensor.camera, r, None) and r.motion_blur_intensity == 0.0 for r in responses)
     return plain and len({r.antialias for r in responses}) <= 1

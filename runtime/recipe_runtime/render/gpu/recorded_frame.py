@@ -18,7 +18,7 @@ from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import passes as camera_passes
 from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.rain import drop_count, streak_radiance
-from recipe_runtime.render.device.arrays import DeviceArray, struct_array
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.memory_layout import span_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.frame_buffers import FrameBuffers
@@ -27,7 +27,7 @@ from recipe_runtime.render.lighting import lights
 from recipe_runtime.render.lighting import passes as light_passes
 from recipe_runtime.render.lighting.temporal import all_samples
 from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame
-from recipe_runtime.render.patches.patch_arrays import no_patches
+from recipe_runtime.render.patches.patch_map import draw_patch_numbers
 from recipe_runtime.render.raster import passes as raster_passes
 from recipe_runtime.render.raster.observation import FrameLabels, objects_of
 from recipe_runtime.render.raster.passes import Labels
@@ -42,7 +42,7 @@ from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """A frame of a stream: its observation, and a picture [H, W, 3] for every appearance.
+    """A frame of a stream: its observation, a picture [H, W, 3] for every appearance, and maps of patches [H, W].
 
     The arrays belong to the recorded frame: they are valid until the next frame is requested.
     """
@@ -50,6 +50,7 @@ class RenderedFrame:
     number: int
     observation: FrameLabels
     pictures: tuple[NDArray[np.uint8], ...]
+    patch_maps: tuple[NDArray[np.uint8], ...]
 
 
 class RecordedFrame:
@@ -104,7 +105,8 @@ class RecordedFrame:
             parts=parts,
         )
         pictures = tuple(h[f"rgb {v}"].reshape(*shape, 3) for v in range(len(self.setup.appearances)))
-        return RenderedFrame(number, seen, pictures)
+        maps = tuple(h[f"patches {k}"].reshape(shape) for k in range(len(self.setup.patched)))
+        return RenderedFrame(number, seen, pictures, maps)
 
     def _run(self) -> None:
         self._numbers[:] = self._row
@@ -157,7 +159,6 @@ class RecordedFrame:
             struct_array([StaticSamples()], device),
             struct_array([PreviousFrame()], device),
         )
-        self._no_patches = no_patches(device)
         views, static = [b[f"lamp maps {name}"] for name in MAP_NAMES], b["lamp maps static"]
         self._lamp_maps = struct_array([maps_of(views, static, self._buffers.lamp_maps)], device)
         columns = [b[f"lamps {name}"] for name in lights.LAMP_NAMES]
@@ -170,7 +171,9 @@ class RecordedFrame:
         """Return the bytes of a row that contain addresses of this frame's own arrays, and a mask of these bytes."""
         layout = self.setup.layout
         self._own, self._is_own = layout.rows(1)[0], np.zeros(layout.size, bool)
-        layout.put_records(self._own, "samples", [samples_of(self._buffers.columns)])
+        samples, focal = samples_of(self._buffers.columns), pinhole_of(self.setup.camera, 1).focal
+        transforms = {name: self._b[name] for name in ("world_from_part", "world_from_view")}
+        layout.put_records(self._own, "samples", [set_fields(samples, focal=focal, **transforms)])
         layout.mark(self._is_own, "samples", 0, span_of(Samples, "eye")[0])
         for n, maps in enumerate(self._buffers.maps):
             for k, shadow_map in enumerate(maps, start=2):
@@ -182,6 +185,7 @@ class RecordedFrame:
         """Run all passes of a frame, in order."""
         wp.copy(self._block, self._pinned)
         self._observe()
+        self._number_patches()
         if self.setup.appearances:
             self._sample()
             self._draw_shadows()
@@ -203,6 +207,12 @@ class RecordedFrame:
             self._raster(n.actor_bits, 1, g.static_chunks, first)
             raster_passes.count_amodal(g, setup.tiles, n.actor_bits, first, camera, r["extents"][1], device)
         raster_passes.project_boxes(g, n.vertices, camera, r["extents"][2], r["extents"][3], device)
+
+    def _number_patches(self) -> None:
+        keys, camera, samples = self._buffers.coarse, self.setup.camera, self._b["samples"]
+        for k, patches in enumerate(self.setup.patched):
+            numbers = self._r[f"patches {k}"]
+            draw_patch_numbers(keys, camera, self._scene, samples, patches, numbers, self.device)
 
     def _raster(self, keys: DeviceArray, side: int, first_chunk: int = 0, first_actor: int = -1) -> None:
         n, pinhole = self._buffers, pinhole_of(self.setup.camera, side)
@@ -251,8 +261,8 @@ class RecordedFrame:
         b, n, device, burn = self._b, self._buffers, self.device, look.light.lamps_burn
         samples, air, light = b["samples"], b[f"air {v}"], n.light(look.light.wet)
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else self.setup.no_shadows
-        no_patches, lamps = self._no_patches, self._lamps[burn]
-        sources = light_passes.ShadingInputs(look.colours, no_patches, air, beams, lamps, self._bodies, n.lists[burn])
+        colours, patches, lamps = look.colours, look.patches, self._lamps[burn]
+        sources = light_passes.ShadingInputs(colours, patches, air, beams, lamps, self._bodies, n.lists[burn])
         earlier = self._no_previous, self._all
         light_passes.shade_samples(self.capacity, samples, sources, *earlier, light, device)
         if look.light.wet:

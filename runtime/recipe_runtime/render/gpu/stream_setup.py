@@ -34,6 +34,7 @@ class ShadedAppearance:
     light: WeatherLight  # at time 0
     air: Air  # at the time of the frame that is being prepared
     colours: DeviceArray  # a one-element array of SurfaceColours
+    patches: DeviceArray  # a one-element array of PatchArrays
     response: CameraResponse
     tables: Tables
     sun: int  # index among the stream's suns; -1: the sun does not shine
@@ -49,6 +50,7 @@ class StreamSetup:
     side: int  # samples along a pixel's side
     suns: list[NDArray[np.float64]]
     appearances: list[ShadedAppearance]
+    patched: list[DeviceArray]  # one-element arrays of PatchArrays, whose patches are numbered in each frame
     tiles: DeviceArray  # int32, every tile of the picture
     no_shadows: DeviceArray  # four empty shadow maps, for appearances without sunlight
     layout: MemoryLayout  # of what changes from frame to frame
@@ -95,6 +97,8 @@ def result_layout(setup: StreamSetup) -> MemoryLayout:
     layout.add("cursor", wp.int32, (1,))
     for v in range(len(setup.appearances)):
         layout.add(f"rgb {v}", wp.uint8, (setup.pixels * 3,))
+    for k in range(len(setup.patched)):
+        layout.add(f"patches {k}", wp.uint8, (setup.pixels,))
     return layout
 
 

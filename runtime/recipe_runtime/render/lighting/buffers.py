@@ -8,7 +8,7 @@ from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting.tile_list_kernels import MAX_LAMPS_PER_TILE, MAX_PER_TILE
+from recipe_runtime.render.lighting.tile_list_kernels import MAX_PER_TILE, STATIC_LAMPS
 
 
 @dataclass(frozen=True)
@@ -55,20 +55,35 @@ class RayBuffers:
 class TileLists:
     """What affects each tile, int32 [tiles, 1 + maximum]; the first entry of a row is the count."""
 
-    lamps: DeviceArray
+    lamps: DeviceArray  # with one more column, `STATIC_LAMPS`
     bodies: DeviceArray
     glows: DeviceArray
 
     @staticmethod
     def empty(tiles: int, device: str) -> TileLists:
         """Allocate empty lists."""
-        sizes = int(MAX_LAMPS_PER_TILE), int(MAX_PER_TILE), int(MAX_PER_TILE)
-        return TileLists(*(wp.zeros((tiles, size + 1), dtype=wp.int32, device=device) for size in sizes))
+        columns = int(STATIC_LAMPS) + 1, int(MAX_PER_TILE) + 1, int(MAX_PER_TILE) + 1
+        return TileLists(*(wp.zeros((tiles, size), dtype=wp.int32, device=device) for size in columns))
 
     @property
     def tiles(self) -> int:
         """Number of tiles."""
         return int(self.lamps.shape[0])
+
+
+@dataclass(frozen=True)
+class StaticLampLight:
+    """The light of static lamps on cached samples; without lamps, of one sample. See `PreviousFrame`."""
+
+    light: DeviceArray  # vec3f
+    shine: DeviceArray  # vec3f
+    known: DeviceArray  # uint8
+
+    @staticmethod
+    def empty(samples: int, device: str) -> StaticLampLight:
+        """Allocate the light of cached samples, none of it known."""
+        light, shine = (wp.empty(samples, dtype=wp.vec3f, device=device) for _ in range(2))
+        return StaticLampLight(light, shine, wp.zeros(samples, dtype=wp.uint8, device=device))
 
 
 @dataclass(frozen=True)

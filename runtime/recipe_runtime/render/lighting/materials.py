@@ -10,7 +10,7 @@ flat ground.
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import SWAY_STEPS, Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.temporal_kernels import last_leaf_step
+from recipe_runtime.render.lighting.temporal_kernels import MAX_LEAF_DISTANCE, last_leaf_step
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
@@ -24,7 +24,6 @@ wp.set_module_options(OPTIONS)
 
 MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the maximum of `soft`
 LEVEL = wp.constant(wp.float32(0.95))  # surfaces whose normal has at least this z hold water
-MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
 MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this form no puddle
 
 

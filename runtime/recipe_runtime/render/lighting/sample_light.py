@@ -8,7 +8,7 @@ from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting.buffers import LightBuffers, PixelLevels, RayBuffers, TileLists
+from recipe_runtime.render.lighting.buffers import LightBuffers, PixelLevels, RayBuffers, StaticLampLight, TileLists
 
 
 @dataclass(eq=False)
@@ -18,6 +18,7 @@ class SampleLight:
     light: LightBuffers
     rays: RayBuffers
     pixels: PixelLevels
+    lamps: StaticLampLight
     lists: TileLists
     clouds: tuple[float, float]  # the earlier frame's `Air.drift`
     kept: int  # samples below this index are cached for later frames
@@ -36,6 +37,7 @@ class SampleLight:
         lists: TileLists,
         clouds: tuple[float, float],
         wet: bool,
+        night: bool,
         device: str,
     ) -> SampleLight:
         """Allocate the light of `capacity` samples, of which the first `kept` are cached for later frames."""
@@ -43,6 +45,7 @@ class SampleLight:
             light=LightBuffers.empty(capacity, wet, device),
             rays=RayBuffers.empty(camera, device),
             pixels=PixelLevels.empty(camera.width * camera.height if kept else 1, device),
+            lamps=StaticLampLight.empty(kept if kept and night else 1, device),
             lists=lists,
             clouds=clouds,
             kept=kept,

@@ -132,9 +132,12 @@ class ShadingPass:
                 # (On a GPU it is quicker to shade all samples than to find the dirty ones.)
                 capacity, room = base.columns.capacity, len(base.lights) < _SAMPLE_LIGHT_CACHE_SIZE
                 kept = base.count if room and name and self._device == "cpu" and self._reuse else 0
-            found = SampleLight.empty(camera, capacity, kept, lights.lists, clouds, light.wet, self._device)
+            weather = light.wet, float(light.air.night) > 0.0
+            found = SampleLight.empty(camera, capacity, kept, lights.lists, clouds, *weather, self._device)
         found.leaf_step = int(light.air.leaf_step)
         set_fields(before, kept_count=found.kept, stale=found.pixels.stale)
+        lamps = {"lamp_light": found.lamps.light, "lamp_shine": found.lamps.shine, "lamp_known": found.lamps.known}
+        set_fields(before, **lamps)
         if base is not None and found.kept:
             base.lights[name] = found
         return found, before

@@ -7,13 +7,11 @@ sky. Radiance is linear and relative (see `Air`).
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
-from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, fog_veil, reflected_sky, sky, transmittance
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
     LEVEL,
-    MAX_LEAF_DISTANCE,
     MAX_SOFTNESS,
     Material,
     dry_material,
@@ -30,17 +28,20 @@ from recipe_runtime.render.lighting.temporal_kernels import (
     DirtySamples,
     PreviousFrame,
     dirty_sample,
-    leaf_phase,
     mark_dirty,
+    swaying_phase,
 )
 from recipe_runtime.render.lighting.tile_list_kernels import (
+    STATIC_LAMPS,
     UNSHADOWED,
     Bodies,
     Lamps,
     contact_occlusion,
+    is_lamp_light_known,
     lamp_light,
     lamp_shadow,
     lamps_shadowed,
+    may_be_shadowed,
 )
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
@@ -77,7 +78,7 @@ def is_light_unchanged(
     if air[0].night > 0.0:
         if (bits & 2) == 0:
             return False
-        if (bits & UNSHADOWED) == 0 and lamps_shadowed(lamps, lamp_lists, tile, p, n):
+        if (bits & UNSHADOWED) == 0 and lamps_shadowed(lamps, lamp_lists, tile, lamp_lists[tile, 0], bits, p, n):
             return False
     if air[0].glow_share > 0.0 and (bits & 4) == 0:
         return False
@@ -140,29 +141,51 @@ def add_sun(air: wp.array[Air], beams: wp.array[Sunbeam], m: Material, p: wp.vec
 @wp.func
 def add_lamps(
     air: wp.array[Air],
+    previous: wp.array[PreviousFrame],
     lamps: wp.array[Lamps],
     lists: wp.array2d[wp.int32],
+    i: wp.int32,
     tile: wp.int32,
+    phase: wp.int32,
     m: Material,
     p: wp.vec3f,
     n: wp.vec3f,
     back: wp.vec3f,
     facing: wp.float32,
-    light: wp.vec3f,
-    shine: wp.vec3f,
-    past: wp.float32,
 ):
-    """Add a tile's lamps, in order, to the light on a point with geometric normal n and to its highlights.
+    """Return light and highlights of a tile's lamps, in order, on a point with geometric normal n.
 
-    Return also the smallest of `past` and the shares of the lamps that moving objects leave.
+    Return also the smallest share of a lamp that moving objects leave. The light of static lamps on sample i is read
+    from the earlier frame or, if the sample is cached, kept for later ones.
     """
-    for k in range(lists[tile, 0]):
+    light = wp.vec3f(0.0, 0.0, 0.0)
+    shine = wp.vec3f(0.0, 0.0, 0.0)
+    past = wp.float32(1.0)
+    first = wp.int32(0)
+    static_count = lists[tile, STATIC_LAMPS]
+    count = lists[tile, 0]
+    bits = wp.int32(-1)
+    if i < previous[0].shared_count:
+        bits = previous[0].tiles[tile]
+    if is_lamp_light_known(air, previous, lamps, lists, i, tile, phase, p, n):
+        first = static_count
+        light = previous[0].lamp_light[i]
+        shine = previous[0].lamp_shine[i]
+    for k in range(first, count + 1):
+        if k == static_count and k > first and i < previous[0].kept_count:
+            previous[0].lamp_light[i] = light
+            previous[0].lamp_shine[i] = shine
+            previous[0].lamp_known[i] = wp.where(past < 1.0, wp.uint8(0), wp.uint8(1))
         lamp = lists[tile, k + 1]
-        fall = lamp_light(lamps, lamp, p, m.normal)
+        fall = wp.vec4f(0.0, 0.0, 1.0, 0.0)
+        if k < count:
+            fall = lamp_light(lamps, lamp, p, m.normal)
         if fall[3] > 0.0:
             to = wp.vec3f(fall[0], fall[1], fall[2])
             c = dot(m.normal, to)
-            reached = lamp_shadow(lamps, lamp, p, n, to)
+            reached = wp.vec2f(1.0, 1.0)
+            if k < static_count or may_be_shadowed(lamps[0].shadow[lamp], bits):
+                reached = lamp_shadow(lamps, lamp, p, n, to)
             past = minimum(past, reached[1])
             power = lamps[0].power[lamp] * (fall[3] * air[0].night * reached[0])
             light = light + power * clamp01((c + 0.12) / 1.12)
@@ -170,18 +193,6 @@ def add_lamps(
                 mirroring = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
                 shine = shine + power * mirroring
     return light, shine, past
-
-
-@wp.func
-def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: wp.vec3f) -> wp.int32:
-    """Return the phase of leaves or grass that visibly move in the wind; -1 for everything else."""
-    phase = wp.int32(-1)
-    swaying = air[0].leaf_motion > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
-    if swaying:
-        swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
-    if swaying:
-        phase = leaf_phase(p)
-    return phase
 
 
 @wp.func
@@ -242,6 +253,8 @@ def light_surface(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
+    previous: wp.array[PreviousFrame],
+    i: wp.int32,
     tile: wp.int32,
     phase: wp.int32,
     m: Material,
@@ -262,7 +275,12 @@ def light_surface(
     if phase >= 0:
         rest = LEAF + wp.uint8(phase)
     if air[0].night > 0.0:
-        light, shine, past = add_lamps(air, lamps, lamp_lists, tile, m, p, n, back, facing, light, shine, past)
+        from_lamps, shine_of_lamps, left = add_lamps(
+            air, previous, lamps, lamp_lists, i, tile, phase, m, p, n, back, facing
+        )
+        light = light + from_lamps
+        shine = shine + shine_of_lamps
+        past = minimum(past, left)
     reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     lit.light = light
     lit.shine = shine
@@ -289,6 +307,7 @@ def shade_surface(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
+    previous: wp.array[PreviousFrame],
     i: wp.int32,
     tile: wp.int32,
     surface: wp.int32,
@@ -305,8 +324,8 @@ def shade_surface(
     if patches[0].count > 0:
         m = patched_material(patches, colours[0].album, samples, i, surface, m)
     lit, mirrored, reuse_class = light_surface(
-        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
-        tile, phase, m, samples[0].eye, p, n, sight, distance, facing,
+        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists, previous,
+        i, tile, phase, m, samples[0].eye, p, n, sight, distance, facing,
     )  # fmt: skip
     return surface_radiance(m.albedo, m.glow, lit), mirrored, m.gloss, reuse_class
 
@@ -367,7 +386,7 @@ def shade_samples(
         return
     mark_dirty(previous, samples[0].pixels[i])
     seen, mirrored, gloss, reuse_class = shade_surface(
-        samples, colours, patches, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
+        samples, colours, patches, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists, previous,
         i, tile, surface, pattern, phase, p, n, to_point,
     )  # fmt: skip
     out_reuse_class[i] = reuse_class

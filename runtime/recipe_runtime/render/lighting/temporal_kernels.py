@@ -7,11 +7,13 @@ did; all others keep theirs, and no kernel reads them.
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
+from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash3
 from recipe_runtime.render.numeric.scalars import nonnegative
+from recipe_runtime.render.numeric.vectors import dot
 from recipe_runtime.render.shadows.shadow_kernels import UNTOUCHED
 
 wp.set_module_options(OPTIONS)
@@ -21,6 +23,7 @@ TOUCHED = wp.constant(wp.uint8(0))  # a moving object that takes sun or sky ligh
 AT_REST = wp.constant(wp.uint8(1))  # static objects only
 SKY = wp.constant(wp.uint8(2))  # the sky that the sample shows
 LEAF = wp.constant(wp.uint8(4))  # plus a phase, 0 to 3: static objects and the motion of the leaves of that phase
+MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
 
 
 @wp.struct
@@ -35,6 +38,11 @@ class PreviousFrame:
     stale: wp.array[
         wp.uint8
     ]  # by pixel, if samples are cached: not 0 where the light has changed since it was developed
+    # By cached sample, if lamps are on: light and highlights of the static lamps of its tile, and whether they are
+    # those without moving objects.
+    lamp_light: wp.array[wp.vec3f]
+    lamp_shine: wp.array[wp.vec3f]
+    lamp_known: wp.array[wp.uint8]
 
 
 @wp.struct
@@ -69,6 +77,18 @@ def mark_dirty(previous: wp.array[PreviousFrame], pixel: wp.int32):
 def leaf_phase(p: wp.vec3f) -> wp.int32:
     """Return the phase, 0 to 3, at which leaves at a place move, so that not all move in the same frame."""
     return wp.int32(hash3(floor(p[0] * 2.7), floor(p[1] * 2.7), floor(p[2] * 2.7), seeds.LEAF_PHASE) >> wp.uint32(30))
+
+
+@wp.func
+def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: wp.vec3f) -> wp.int32:
+    """Return the phase of leaves or grass that visibly move in the wind; -1 for everything else."""
+    phase = wp.int32(-1)
+    swaying = air[0].leaf_motion > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
+    if swaying:
+        swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
+    if swaying:
+        phase = leaf_phase(p)
+    return phase
 
 
 @wp.func

@@ -7,19 +7,26 @@ reach the box are culled. The order of the list is kept, so sums are always the 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
+from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame, last_leaf_step
 from recipe_runtime.render.numeric.noise import smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of
 from recipe_runtime.render.scene.pinhole import Pinhole
-from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps, box_lit, lamp_visibility
+from recipe_runtime.render.shadows.lamp_lookup_kernels import box_lit, lamp_visibility
+from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps
 
 wp.set_module_options(OPTIONS)
 
 UNSHADOWED = wp.constant(16)  # of a tile: no moving object shadows it from its lamps
+SAME_STATIC_LAMPS = wp.constant(32)  # of a tile: its list contains the static lamps of the earlier frame
+SHADOWED_SLOTS = wp.constant(8)  # of a tile: the first bit of a mask, of the slots from whose lamps a moving object
+# may shadow it
 MAX_PER_TILE = wp.constant(24)  # entries of a tile's list of bodies or glows; further ones are dropped
 MAX_LAMPS_PER_TILE = wp.constant(96)  # likewise of lamps; the box of a tile that shows a far street meets many
+STATIC_LAMPS = wp.constant(97)  # column of a tile's list of lamps: how many are static, which come first
 FADE_END_SQUARED = wp.constant(wp.float32(8.0))  # squared distance, in spreads, beyond which a body darkens nothing
 FADE_END_SHARE = wp.constant(wp.float32(1.0 / 81.0))  # its occlusion at that distance
 
@@ -125,6 +132,7 @@ def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.i
     span = high - low
     radius = 0.5 * wp.sqrt(dot(span, span)) + 0.05
     n = wp.int32(0)
+    static_count = wp.int32(0)
     for i in range(lamps[0].count):
         p = lamps[0].position[i]
         g = gaps(low, high, p)
@@ -137,7 +145,10 @@ def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.i
         ):
             n = n + 1
             lists[tile, n] = i
+            if lamps[0].moves[i] == 0 and static_count == n - 1:
+                static_count = n
     lists[tile, 0] = n
+    lists[tile, STATIC_LAMPS] = static_count
 
 
 @wp.func
@@ -172,6 +183,7 @@ def cull_lights(
     y1 = wp.min(y0 + TILE, pinhole.height)
     near, far = key_range(keys, pinhole, x0, y0, x1, y1)
     out_lamp_lists[tile, 0] = 0
+    out_lamp_lists[tile, STATIC_LAMPS] = 0
     out_body_lists[tile, 0] = 0
     if near == wp.uint64(0):
         return
@@ -184,12 +196,18 @@ def cull_lights(
 
 
 @wp.func
-def same_lamps(lamps: wp.array[Lamps], before: wp.array2d[wp.int32], now: wp.array2d[wp.int32], tile: wp.int32) -> bool:
-    """Return whether a tile's list contains the same lamps as in the earlier frame, and none that moves."""
-    n = now[tile, 0]
-    if before[tile, 0] != n:
+def same_lamps(
+    lamps: wp.array[Lamps],
+    before: wp.array2d[wp.int32],
+    now: wp.array2d[wp.int32],
+    tile: wp.int32,
+    before_count: wp.int32,
+    count: wp.int32,
+) -> bool:
+    """Return whether the first lamps of a tile's list are those of the earlier frame, and none of them moves."""
+    if before_count != count:
         return False
-    for k in range(n):
+    for k in range(count):
         lamp = now[tile, k + 1]
         if before[tile, k + 1] != lamp or lamps[0].moves[lamp] != 0:
             return False
@@ -197,15 +215,16 @@ def same_lamps(lamps: wp.array[Lamps], before: wp.array2d[wp.int32], now: wp.arr
 
 
 @wp.func
-def lamps_reach_box(
+def shadowed_slots(
     lamps: wp.array[Lamps], lists: wp.array2d[wp.int32], tile: wp.int32, low: wp.vec3f, high: wp.vec3f
-) -> bool:
-    """Return whether no moving object shadows a box from a tile's lamps."""
+) -> wp.int32:
+    """Return a mask of the slots from whose lamps, of those of a tile, a moving object may shadow a box."""
+    mask = wp.int32(0)
     for k in range(lists[tile, 0]):
         shadow = lamps[0].shadow[lists[tile, k + 1]]
         if shadow[1] > 0.0 and not box_lit(lamps[0].maps, wp.int32(shadow[0]), low, high):
-            return False
-    return True
+            mask = mask | (wp.int32(1) << wp.int32(shadow[0]))
+    return mask
 
 
 @wp.kernel
@@ -224,17 +243,22 @@ def compare_lists(
     """Compare a tile's lists with those of the earlier frame; `lows` and `highs` are the corners of the tiles' boxes.
 
     Bit 0: no body darkens the tile; bit 1: the same static lamps illuminate it; bit 2: the same static lamps glow
-    before it; bit 4 (`UNSHADOWED`): no moving object shadows the tile from its lamps.
+    before it; `UNSHADOWED`, `SAME_STATIC_LAMPS`, `SHADOWED_SLOTS`: see there.
     """
     tile = wp.tid()
     bits = wp.int32(0)
     if bodies_before[tile, 0] == 0 and body_lists[tile, 0] == 0:
         bits = bits | 1
-    if same_lamps(lamps, lamps_before, lamp_lists, tile):
+    if same_lamps(lamps, lamps_before, lamp_lists, tile, lamps_before[tile, 0], lamp_lists[tile, 0]):
         bits = bits | 2
-    if lamps_reach_box(lamps, lamp_lists, tile, lows[tile], highs[tile]):
+    static_before = lamps_before[tile, STATIC_LAMPS]
+    if same_lamps(lamps, lamps_before, lamp_lists, tile, static_before, lamp_lists[tile, STATIC_LAMPS]):
+        bits = bits | SAME_STATIC_LAMPS
+    shadowed = shadowed_slots(lamps, lamp_lists, tile, lows[tile], highs[tile])
+    if shadowed == 0:
         bits = bits | UNSHADOWED
-    if same_lamps(lamps, glows_before, glow_lists, tile):
+    bits = bits | (shadowed << SHADOWED_SLOTS)
+    if same_lamps(lamps, glows_before, glow_lists, tile, glows_before[tile, 0], glow_lists[tile, 0]):
         bits = bits | 4
     out_bits[tile] = bits
 
@@ -269,34 +293,34 @@ def contact_occlusion(
 
 
 @wp.func
-def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.vec4f:
+def lamp_light(lamps: wp.array[Lamps], lamp: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.vec4f:
     """Return the unit vector from a point to a lamp, and the share of the lamp's power that illuminates the point.
 
     The share is 0 out of reach, or if the surface faces away by more than wrap lighting covers.
     """
-    q = lamps[0].position[i]
-    dx = q[0] - p[0]
-    dy = q[1] - p[1]
-    dz = q[2] - p[2]
-    s = dx * dx + dy * dy + dz * dz
+    i = nonnegative(lamp)
+    d = lamps[0].position[i] - p
+    s = dot(d, d)
     reach = lamps[0].reach[i]
-    if s > reach * reach:
-        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
-    # Outside the cone, tested without a square root: the usual case.
-    cone = lamps[0].cone[i]
-    aim = lamps[0].direction[i]
-    along = -(dx * aim[0] + dy * aim[1] + dz * aim[2])
-    if cone[0] > 0.0 and (along <= 0.0 or along * along < cone[0] * cone[0] * s):
-        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
-    faced = dx * n[0] + dy * n[1] + dz * n[2]
-    if faced < 0.0 and faced * faced > 0.0144 * s:
-        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
-    r = 1.0 / wp.sqrt(maximum(s, 1.0e-4))
-    to = wp.vec3f(dx * r, dy * r, dz * r)
-    spot = smoothstep(cone[0], cone[1], along * r)
-    edge = 1.0 - s / (reach * reach)
-    share = spot * edge * edge / (s + 0.15)
-    return wp.vec4f(to[0], to[1], to[2], share)
+    x = wp.float32(0.0)
+    y = wp.float32(0.0)
+    z = wp.float32(1.0)
+    share = wp.float32(0.0)
+    if s <= reach * reach:
+        # Outside the cone, tested without a square root: the usual case.
+        cone = lamps[0].cone[i]
+        along = -dot(d, lamps[0].direction[i])
+        if cone[0] <= 0.0 or (along > 0.0 and along * along >= cone[0] * cone[0] * s):
+            faced = dot(d, n)
+            if faced >= 0.0 or faced * faced <= 0.0144 * s:
+                r = 1.0 / wp.sqrt(maximum(s, 1.0e-4))
+                x = d[0] * r
+                y = d[1] * r
+                z = d[2] * r
+                spot = smoothstep(cone[0], cone[1], along * r)
+                edge = 1.0 - s / (reach * reach)
+                share = spot * edge * edge / (s + 0.15)
+    return wp.vec4f(x, y, z, share)
 
 
 @wp.func
@@ -314,14 +338,51 @@ def lamp_shadow(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f, t
 
 
 @wp.func
+def may_be_shadowed(shadow: wp.vec2f, bits: wp.int32) -> bool:
+    """Return whether a moving object may shadow a tile with these bits from a lamp with this slot and strength."""
+    return shadow[1] > 0.0 and ((bits >> (SHADOWED_SLOTS + wp.int32(shadow[0]))) & 1) != 0
+
+
+@wp.func
 def lamps_shadowed(
-    lamps: wp.array[Lamps], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
+    lamps: wp.array[Lamps],
+    lists: wp.array2d[wp.int32],
+    tile: wp.int32,
+    end: wp.int32,
+    bits: wp.int32,
+    p: wp.vec3f,
+    n: wp.vec3f,
 ) -> bool:
-    """Return whether a moving object may shadow a point from one of a tile's lamps."""
-    for k in range(lists[tile, 0]):
-        i = lists[tile, k + 1]
-        d = lamps[0].position[i] - p
-        to = d * (1.0 / wp.sqrt(maximum(dot(d, d), 1.0e-4)))
-        if lamp_shadow(lamps, i, p, n, to)[1] < 1.0:
-            return True
+    """Return whether a moving object may shadow a point from one of the first lamps of a tile."""
+    for k in range(end):
+        i = nonnegative(lists[tile, k + 1])
+        if may_be_shadowed(lamps[0].shadow[i], bits):
+            d = lamps[0].position[i] - p
+            to = d * (1.0 / wp.sqrt(maximum(dot(d, d), 1.0e-4)))
+            if lamp_shadow(lamps, i, p, n, to)[1] < 1.0:
+                return True
     return False
+
+
+@wp.func
+def is_lamp_light_known(
+    air: wp.array[Air],
+    previous: wp.array[PreviousFrame],
+    lamps: wp.array[Lamps],
+    lists: wp.array2d[wp.int32],
+    i: wp.int32,
+    tile: wp.int32,
+    phase: wp.int32,
+    p: wp.vec3f,
+    n: wp.vec3f,
+) -> bool:
+    """Return whether the light of a tile's static lamps on a sample equals that of the earlier frame."""
+    static_count = lists[tile, STATIC_LAMPS]
+    if i >= previous[0].shared_count or static_count == 0:
+        return False
+    bits = previous[0].tiles[tile]
+    if (bits & SAME_STATIC_LAMPS) == 0 or previous[0].lamp_known[i] == wp.uint8(0):
+        return False
+    if phase >= 0 and last_leaf_step(phase, air[0].leaf_step) != last_leaf_step(phase, previous[0].leaf_step):
+        return False
+    return (bits & UNSHADOWED) != 0 or not lamps_shadowed(lamps, lists, tile, static_count, bits, p, n)

@@ -58,6 +58,12 @@ def patch_structs(
     return struct_array([set_fields(PatchArrays(), count=len(patches), **mesh, **arrays)], device)
 
 
+def patch_shapes(geometry: Geometry, patches: Sequence[PatchPlan], device: str) -> DeviceArray:
+    """Return patches without their images, a one-element array of `PatchArrays`, for `draw_patch_numbers`."""
+    images = (texture_of(patch, 0) for patch in patches)
+    return patch_structs(geometry, patches, {image: -1 for image in images if image is not None}, 0, device)
+
+
 def _by_surface(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, Any]:
     """Return the patches on each surface, from the lowest to the topmost."""
     entries = [

@@ -10,9 +10,10 @@ sample's triangle. So a patch needs no geometry, and its edges are antialiased a
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
-from recipe_runtime.render.numeric.vectors import dot
-from recipe_runtime.render.raster.label_kernels import triangle_of
-from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.numeric.vectors import dot, rotate
+from recipe_runtime.render.raster.label_kernels import depth_of, triangle_of
+from recipe_runtime.render.sampling.sample_kernels import CENTRE, Samples, SceneArrays, point_seen, ray_of
+from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.texture.images import bounded, order_steps, second_step
 
 wp.set_module_options(OPTIONS)
@@ -106,13 +107,16 @@ def face_at(
 
 
 @wp.func
-def patch_point(patches: wp.array[PatchArrays], patch: wp.int32, samples: wp.array[Samples], i: wp.int32) -> PatchPoint:
-    """Return the position of a sample on a patch of its surface; coverage is 0 if it is not on the patch."""
+def patch_point_at(
+    patches: wp.array[PatchArrays], patch: wp.int32, samples: wp.array[Samples], triangle: wp.int32, p: wp.vec3f
+) -> PatchPoint:
+    """Return the position of a point of a triangle on a patch of its surface; coverage is 0 if it is not on the patch.
+
+    Of `samples`, only the transforms, the focal length and the eye are read.
+    """
     out = PatchPoint()
-    triangle = triangle_of(samples[0].keys[i])
     part = nonnegative(patches[0].vertex_part[nonnegative(patches[0].triangles[triangle][0])])
     m = samples[0].world_from_part
-    p = samples[0].positions[i]
     here = p
     if part != 0:
         here = rotate_back(m, part, p - wp.vec3f(m[part, 3], m[part, 7], m[part, 11]))
@@ -153,23 +157,34 @@ def patch_point(patches: wp.array[PatchArrays], patch: wp.int32, samples: wp.arr
     return out
 
 
+@wp.func
+def patch_point(patches: wp.array[PatchArrays], patch: wp.int32, samples: wp.array[Samples], i: wp.int32) -> PatchPoint:
+    """Return the position of a sample on a patch of its surface; coverage is 0 if it is not on the patch."""
+    return patch_point_at(patches, patch, samples, triangle_of(samples[0].keys[i]), samples[0].positions[i])
+
+
 @wp.kernel
 def number_patches(
-    starts: wp.array[wp.int32],
+    keys: wp.array[wp.uint64],
+    pinhole: Pinhole,
+    scene: wp.array[SceneArrays],
     samples: wp.array[Samples],
     patches: wp.array[PatchArrays],
-    out_words: wp.array[wp.uint64],
+    out_numbers: wp.array[wp.uint8],
 ):
     """Write 1 + the index of the topmost patch at the centre of each pixel; 0 for none."""
     pixel = wp.tid()
-    i = nonnegative(starts[pixel])
-    surface = samples[0].surfaces[i]
+    key = keys[pixel]
     found = wp.int32(0)
-    if surface >= 0:
+    if key != wp.uint64(0):
+        triangle = triangle_of(key)
+        surface = nonnegative(scene[0].triangle_surface[triangle])
+        turned = rotate(scene[0].world_from_view, 0, ray_of(pixel, CENTRE, pinhole))
+        p = point_seen(turned, wp.float32(depth_of(key, pinhole.near)), scene[0].world_from_view)
         for e in range(patches[0].first_entry[surface], patches[0].first_entry[surface + 1]):
             patch = patches[0].entries[e]
-            at = patch_point(patches, patch, samples, i)
+            at = patch_point_at(patches, patch, samples, triangle, p)
             within = at.u >= 0.0 and at.u <= 1.0 and at.v >= 0.0 and at.v <= 1.0
             if at.coverage > 0.0 and (within or patches[0].whole[patch] != 0):
                 found = patch + 1
-    out_words[pixel] = wp.uint64(found)
+    out_numbers[pixel] = wp.uint8(found)

@@ -1,7 +1,7 @@
 """The samples of a picture as a linear function of the pixels of its HDR image that change with a texture.
 
-Motion blur, bloom, distortion, chromatic aberration and supersampling are linear in the HDR image, and do not depend
-on its light otherwise. Each is a sparse matrix here, by the indices and weights that the renderer's kernels use.
+Motion blur, bloom, distortion, chromatic aberration and supersampling are linear in the HDR image. Here each is a
+sparse matrix with the indices and weights that the renderer's kernels use.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ Numbers = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class LensMap:
-    """How the samples of the Q pixels that change depend on the P pixels of the HDR image that change.
+    """How the S samples of the Q pixels that change depend on the P pixels of the HDR image that change.
 
-    With d the difference of the latter from `hdr`, b = blur d and c = bloom[2] bloom[1] bloom[0] b, a channel of the
-    samples is `light + lens [b; c]`, and is multiplied by `gain` before the tone curve.
+    Let d be the difference of these P pixels from `hdr`, b = blur d and c = bloom[2] bloom[1] bloom[0] b. A channel of
+    the samples is then `light + lens [b; c]`, which is multiplied by `gain` before the tone curve.
     """
 
     pixels: Numbers  # [Q] index in the picture
@@ -45,13 +45,13 @@ class LensMap:
     light: Values  # [S, 3] by sample, with the texture of the recipe
     gain: Values  # [S] of the vignette
     blur: RowMatrix | None  # [B, P]; None without motion blur
-    bloom: tuple[RowMatrix, ...]  # mean of squares, blur along rows and along columns; empty without bloom
-    lens: tuple[RowMatrix, ...]  # [S, B + C] of all channels, or of red, green and blue
+    bloom: tuple[RowMatrix, ...]  # downsampling, blur along rows, blur along columns; empty without bloom
+    lens: tuple[RowMatrix, ...]  # [S, B + C], one for all channels, or one each for red, green and blue
 
 
 @dataclass(frozen=True, eq=False)
 class LensFrame:
-    """A frame before motion blur and lens."""
+    """A frame before motion blur and lens effects."""
 
     undistorted: Observation
     seen: Observation
@@ -72,7 +72,7 @@ def lens_map(post: PostProcess, frame: LensFrame, hdr_image: DeviceArray, change
         post: The effects of the scene.
         frame: The frame.
         hdr_image: The HDR image with the texture of the recipe, vec3f.
-        changed: Indices of the pixels in it that change, rising.
+        changed: Indices of the pixels in it that change, ascending.
         device: The device of the arrays.
     """
     camera, response = frame.undistorted_camera, frame.response
@@ -138,7 +138,7 @@ def _samples(
 
 
 def _blur(motion: ScreenMotion, changed: Numbers, blurred: Numbers, device: str) -> RowMatrix:
-    """Return the light of the blurred pixels by that of the changed pixels: the mean over the moments of each."""
+    """Return the matrix from changed pixels to motion-blurred pixels: the mean over the moments of the exposure."""
     listed: DeviceArray = wp.array(blurred, dtype=wp.int32, device=device)
     counts = wp.empty(len(blurred), dtype=wp.int32, device=device)
     fields = motion.arguments()
@@ -158,7 +158,7 @@ def _blur(motion: ScreenMotion, changed: Numbers, blurred: Numbers, device: str)
 
 
 def _bloom(pixels: Numbers, camera: CameraPlan) -> tuple[tuple[RowMatrix, ...], Numbers]:
-    """Return the bloom image by the light of pixels of the HDR image, as three matrices, and its pixels that change."""
+    """Return the three matrices from pixels of the HDR image to the bloom image, and the pixels of it that change."""
     side = bloom.side_of(camera)
     wide, high = -(-camera.width // side), -(-camera.height // side)
     cell = pixels // camera.width // side * wide + pixels % camera.width // side
@@ -174,9 +174,13 @@ def _bloom(pixels: Numbers, camera: CameraPlan) -> tuple[tuple[RowMatrix, ...], 
 
 
 def _bell_blur(cells: Numbers, wide: int, high: int, across: int) -> tuple[RowMatrix, Numbers]:
-    """Return the blur of an image that is 0 but for some pixels, along rows (1) or columns (0), and the pixels of it.
+    """Return the blur of an image that is 0 except at some pixels, and the pixels where the result is not 0.
 
-    The pixels of the border are repeated beyond it.
+    Args:
+        cells: The pixels that are not 0.
+        wide: Width of the image.
+        high: Height of the image; pixels are clamped to its border.
+        across: 1 to blur along rows, 0 along columns.
     """
     weights = bloom.bell().astype(np.float64)
     steps = np.arange(len(weights)) - len(weights) // 2
@@ -196,14 +200,14 @@ def _bell_blur(cells: Numbers, wide: int, high: int, across: int) -> tuple[RowMa
 
 
 def _lens(points: Values, camera: CameraPlan, pixels: Numbers, cells: Numbers, share: float) -> RowMatrix:
-    """Return the light at points of the HDR image by that of some of its pixels and of the bloom image.
+    """Return the matrix from pixels of the HDR image and of the bloom image to the light at points of the HDR image.
 
     Args:
         points: [S, 2], in pixels of the HDR image.
         camera: Its camera.
         pixels: Its pixels: the first columns.
-        cells: Pixels of the bloom image: the columns after them.
-        share: That of the bloom image.
+        cells: Pixels of the bloom image: the other columns.
+        share: Weight of the bloom image.
     """
     size = camera.width * camera.height
     column_of = _column_of(pixels, size)
@@ -234,7 +238,7 @@ def _bilinear(points: Values, wide: int, high: int) -> tuple[NDArray[np.int64], 
 
 
 def _column_of(places: Numbers, size: int) -> Numbers:
-    """Return the position of each index in `places`, int32 [size]; -1 for those that it lacks."""
+    """Return the position of each index in `places`, int32 [size]; -1 for indices that it does not contain."""
     column_of = np.full(size, -1, np.int32)
     column_of[places] = np.arange(len(places), dtype=np.int32)
     return column_of
@@ -243,7 +247,7 @@ def _column_of(places: Numbers, size: int) -> Numbers:
 def _matrix(
     rows: NDArray[np.integer], columns: NDArray[np.integer], weights: Values, shape: tuple[int, int]
 ) -> RowMatrix:
-    """Return a matrix of entries by rising row; those with a column of -1 are left out."""
+    """Return a matrix of entries in ascending order of rows; entries with a column of -1 are left out."""
     kept = columns >= 0
     counts = np.bincount(rows[kept], minlength=shape[0])
     firsts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Which pixels of an HDR image the samples of a picture show, by the functions that motion blur and lens evaluate."""
+"""Kernels that record which pixels of the HDR image a picture's samples read, with the functions of the renderer."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -25,7 +25,7 @@ wp.set_module_options(OPTIONS)
 def count_moments(
     listed: wp.array[wp.int32], longest: wp.array[wp.vec2f], shutter: Shutter, out_counts: wp.array[wp.int32]
 ):
-    """Write how many moments of the exposure each of the listed pixels averages."""
+    """Write the number of moments of the exposure that each of the listed pixels averages."""
     k = wp.tid()
     out_counts[k] = moments_of(longest_near(nonnegative(listed[k]), longest, shutter))
 
@@ -57,7 +57,7 @@ def mark_pixels(
     effects: LensEffects,
     out_marks: wp.array[wp.uint8],
 ):
-    """Write 1 for the pixels of the picture that show any of an image that is 0 elsewhere."""
+    """Write 1 for the pixels of the picture that read a pixel of the marks that is not 0."""
     i = wp.tid()
     mark = wp.uint8(0)
     for s in range(distortion.fine * distortion.fine):

@@ -35,6 +35,7 @@ from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]
+_SLOT_BYTES, _PIXEL_BYTES, _UNFINISHED_BYTES = 320, 3, 60  # of memory: per slot; per pixel, and if there are filters
 _ROUNDING = 2e-5  # relative rounding error of a gain; a smaller gain is 0
 
 
@@ -67,7 +68,6 @@ class PatchedFrame:
 
     Attributes:
         recording: The patched samples.
-        has_post_process: Whether the camera has effects that mix pixels, such as bloom or motion blur.
         plans: The plans of all patches of the appearance.
     """
 
@@ -112,6 +112,12 @@ class PatchedFrame:
             self._hdr = camera.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
         else:
             self._picture = camera.developed(taken, obs.camera)
+
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory the frame takes."""
+        pixel = _PIXEL_BYTES + _UNFINISHED_BYTES * (self._lens_frame is not None)
+        return _SLOT_BYTES * len(self.recording.radiance) + pixel * self.camera.width * self.camera.height
 
     def render(self, textures: Mapping[str, Pixels]) -> Pixels:
         """Return the picture with other textures, uint8 [H, W, 3] sRGB.

@@ -11,7 +11,8 @@ from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.materials import dry_material, patched_material, weathered_material
 from recipe_runtime.render.lighting.reflection_kernels import brightest_mirrored, light_beyond_picture, mirrored_view
-from recipe_runtime.render.lighting.shading_kernels import SurfaceLight, facing_eye, light_surface, swaying_phase
+from recipe_runtime.render.lighting.shading_kernels import SurfaceLight, facing_eye, light_surface
+from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame, swaying_phase
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.numeric.noise import floor
 from recipe_runtime.render.numeric.scalars import nonnegative
@@ -84,6 +85,7 @@ def record_light(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
+    previous: wp.array[PreviousFrame],
     out_albedo: wp.array[wp.vec3f],
     out_glow: wp.array[wp.vec3f],
     out_light: wp.array[SurfaceLight],
@@ -105,8 +107,8 @@ def record_light(
     out_glow[k] = m.glow
     m = patched_material(patches, colours[0].album, samples, i, surface, m)
     lit, _mirrored, _reuse_class = light_surface(
-        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
-        nonnegative(samples[0].tiles[i]), phase, m, eye, p, n, sight, distance, facing,
+        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists, previous,
+        i, nonnegative(samples[0].tiles[i]), phase, m, eye, p, n, sight, distance, facing,
     )  # fmt: skip
     out_light[k] = lit
 

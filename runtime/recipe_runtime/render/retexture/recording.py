@@ -13,6 +13,7 @@ from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.passes import ShadingInputs
 from recipe_runtime.render.lighting.shading_kernels import SurfaceLight
+from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.retexture.record_kernels import count_points, record_light, record_mirrors, record_points
 from recipe_runtime.render.retexture.relight_kernels import PixelSamples, Recorded
@@ -191,6 +192,7 @@ def _record_light(
         listed=listed,
         samples=samples,
         **inputs.arguments(),
+        previous=struct_array([PreviousFrame()], device),
         out_albedo=out[0],
         out_glow=out[1],
         out_light=out[2],

@@ -13,6 +13,7 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.retexture.relight_kernels import multiply_rows
 
 Values = NDArray[np.float64]
+_ENTRY_BYTES = 12  # column and weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,11 @@ class SparseProduct:
         self.matrix, self.transpose = matrix, matrix.transposed()
         self._device = device
         self._arrays = [_uploaded(m, device) for m in (self.matrix, self.transpose)]
+
+    @property
+    def memory(self) -> int:
+        """About how many bytes of memory it takes: matrix and transpose, on the host and on the device."""
+        return _ENTRY_BYTES * 4 * len(self.matrix.columns)
 
     def forward(self, x: Values) -> Values:
         """Return A x: float64 [R, 3] of [C, 3]."""

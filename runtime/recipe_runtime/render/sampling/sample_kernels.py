@@ -288,6 +288,13 @@ def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2
     return wp.vec2f(across, across / maximum(-dot(face, sight), 0.04))
 
 
+@wp.func
+def point_seen(turned: wp.vec3f, z: wp.float32, world_from_view: wp.array2d[wp.float32]) -> wp.vec3f:
+    """Return the world position at depth z on a ray of depth 1 m, whose direction is in world space."""
+    m = world_from_view
+    return wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
+
+
 @wp.kernel
 def evaluate_samples(
     first_sample: wp.int32,
@@ -317,8 +324,7 @@ def evaluate_samples(
         out_positions[i] = normalize(turned)
         return
     z = wp.float32(depth_of(key, pinhole.near))
-    m = scene[0].world_from_view
-    out_positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
+    out_positions[i] = point_seen(turned, z, scene[0].world_from_view)
     triangle = triangle_of(key)
     t = scene[0].triangles[triangle]
     t = wp.vec3i(nonnegative(t[0]), nonnegative(t[1]), nonnegative(t[2]))

@@ -88,6 +88,14 @@ class Sampler:
             )
         return found
 
+    def frame(self, obs: Observation) -> tuple[DeviceArray, DeviceArray]:
+        """Return the geometry of a frame, and its transforms and its eye without samples.
+
+        These are one-element arrays of `SceneArrays` and `Samples`.
+        """
+        scene = self._scene(obs)
+        return scene, struct_array([_with_view(Samples(), obs, scene)], self._device)
+
     def _base(self, obs: Observation, antialias: bool) -> StaticBase | None:
         """Return what is cached for a pose; None at the first frame from it."""
         if not self._reuse:
@@ -223,8 +231,12 @@ class Sampler:
 
 def _data(obs: Observation, columns: SampleColumns, scene: DeviceArray) -> Samples:
     """Return a frame's samples as the struct that shading reads; `scene` is a one-element array of `SceneArrays`."""
-    data, here = samples_of(columns), struct_of(scene)
-    focal = pinhole_of(obs.camera, 1).focal
+    return _with_view(samples_of(columns), obs, scene)
+
+
+def _with_view(data: Samples, obs: Observation, scene: DeviceArray) -> Samples:
+    """Set the transforms, the focal length and the eye of a frame's samples, in place."""
+    here, focal = struct_of(scene), pinhole_of(obs.camera, 1).focal
     set_fields(data, world_from_part=here.world_from_part, world_from_view=here.world_from_view, focal=focal)
     data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
     return data

@@ -11,23 +11,20 @@ mounted on.
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
-from recipe_runtime.render.numeric.vectors import box_extent, dot, transform_point
-from recipe_runtime.render.raster.triangles import NEARNESS, clipped_piece, edge_function
+from recipe_runtime.render.numeric.vectors import box_extent, transform_point
+from recipe_runtime.render.raster.triangles import NEARNESS, Corner, clipped_piece, edge_function, sample_box
 from recipe_runtime.render.raster.visibility_kernels import fill_triangle
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.shadows.shadow_kernels import axis_coordinate
 
 wp.set_module_options(OPTIONS)
 
-STATIC_SLOTS = wp.constant(6)  # slots of lamps of the town
-MOVING_SLOTS = wp.constant(4)  # slots of lamps on moving objects
+STATIC_SLOTS = wp.constant(4)  # slots of lamps of the town
+MOVING_SLOTS = wp.constant(2)  # slots of lamps on moving objects
 STATIC_SIZE = wp.constant(768)  # texels along the side of a map of a lamp of the town
 MOVING_SIZE = wp.constant(384)  # likewise for a lamp on a moving object, whose cone is narrower
 TILE = wp.constant(16)  # texels along the side of a tile, the unit of clearing and bounds
 MAX_TILES = wp.constant(2304)  # tiles of the larger maps
-MIN_LIFT = wp.constant(wp.float32(0.004))  # metres, minimum normal offset of a shaded point
-BIAS = wp.constant(wp.float32(0.01))  # metres, minimum depth bias towards the lamp
-EXACT_HEIGHT = wp.constant(wp.float32(0.3))  # metres below which level surfaces are ground, which casts no shadow
 
 
 @wp.struct
@@ -46,11 +43,14 @@ class LampMaps:
     right: wp.array[wp.vec4f]  # x = right . world + offset
     down: wp.array[wp.vec4f]  # y, likewise
     ahead: wp.array[wp.vec4f]  # z, likewise
-    lens: wp.array[wp.vec4f]  # texels per unit of x / z, 0 if the slot is unused; near and far plane, metres; unused
+    lens: wp.array[
+        wp.vec4f
+    ]  # texels per unit of x / z, 0 if the slot is unused; near and far plane, metres; its inverse
     own: wp.array[wp.vec2f]  # first and last part of the object that the lamp is mounted on, which casts no shadow
     fixed: wp.array[StaticLampMap]  # by slot of a lamp of the town
     keys: wp.array2d[wp.uint64]  # [slots, STATIC_SIZE^2], of moving objects
-    nearest: wp.array2d[wp.uint64]  # [slots, MAX_TILES]
+    nearest: wp.array2d[wp.uint64]  # [slots, MAX_TILES], bounds as those of `StaticLampMap`
+    farthest: wp.array2d[wp.uint64]  # likewise; not set where `nearest` is 0
 
 
 @wp.func
@@ -130,20 +130,19 @@ def chunk_casts(
 
 
 @wp.func
-def raise_bounds(
-    nearest: wp.array2d[wp.uint64],
+def mark_tiles(
+    marks: wp.array2d[wp.uint64],
     slot: wp.int32,
     left: wp.int32,
     top: wp.int32,
     right: wp.int32,
     bottom: wp.int32,
-    key: wp.uint64,
 ):
-    """Raise the bounds of the tiles that overlap a rectangle of texels to at least a key."""
+    """Mark the tiles from which a filter may read a rectangle of texels, ends included."""
     tiles = map_size(slot) / TILE
-    for y in range(wp.max(top, 0) / TILE, wp.min(bottom / TILE, tiles - 1) + 1):
-        for x in range(wp.max(left, 0) / TILE, wp.min(right / TILE, tiles - 1) + 1):
-            wp.atomic_max(nearest, slot, y * tiles + x, key)
+    for y in range(wp.max(top - 2, 0) / TILE, wp.min((bottom + 1) / TILE, tiles - 1) + 1):
+        for x in range(wp.max(left - 2, 0) / TILE, wp.min((right + 1) / TILE, tiles - 1) + 1):
+            marks[slot, nonnegative(y * tiles + x)] = wp.uint64(1)
 
 
 @wp.func
@@ -162,6 +161,36 @@ def between_texels(lens: wp.vec4f, a: wp.float32, b: wp.float32, c: wp.float32) 
 
 
 @wp.func
+def map_corner(x: wp.float32, y: wp.float32, nearness: wp.float32) -> Corner:
+    """Return a corner from its coordinates in texels."""
+    c = Corner()
+    c.x = wp.int64(minimum(maximum(x, -1.0e6), 1.0e6) * 256.0 + 0.5)
+    c.y = wp.int64(minimum(maximum(y, -1.0e6), 1.0e6) * 256.0 + 0.5)
+    c.q = wp.float64(nearness)
+    return c
+
+
+@wp.func
+def draw_piece(
+    keys: wp.array2d[wp.uint64],
+    marks: wp.array2d[wp.uint64],
+    slot: wp.int32,
+    pinhole: Pinhole,
+    a: Corner,
+    b: Corner,
+    c: Corner,
+):
+    """Draw a projected triangle, front or back face, and mark the tiles that it may touch."""
+    left, top, right, bottom = sample_box(pinhole, a, b, c)
+    if left <= right and top <= bottom:
+        if edge_function(a.x, a.y, b.x, b.y, c.x, c.y) > wp.int64(0):
+            fill_triangle(keys[slot], pinhole, a, b, c, wp.uint64(0), wp.uint64(0))
+        else:
+            fill_triangle(keys[slot], pinhole, a, c, b, wp.uint64(0), wp.uint64(0))
+        mark_tiles(marks, slot, int(left), int(top), int(right), int(bottom))
+
+
+@wp.func
 def draw_caster(
     maps: wp.array[LampMaps],
     slot: wp.int32,
@@ -169,18 +198,10 @@ def draw_caster(
     b: wp.vec3f,
     c: wp.vec3f,
     keys: wp.array2d[wp.uint64],
-    nearest: wp.array2d[wp.uint64],
+    marks: wp.array2d[wp.uint64],
 ):
-    """Draw a triangle in a lamp's view, front or back face, and raise the bounds of the tiles that it may touch."""
+    """Draw a triangle in a lamp's view, front or back face, and mark the tiles that it may touch."""
     lens = maps[0].lens[slot]
-    if a[2] > lens[1] and b[2] > lens[1] and c[2] > lens[1]:  # most triangles are small and cover no texel centre
-        ra = 1.0 / a[2]
-        rb = 1.0 / b[2]
-        rc = 1.0 / c[2]
-        if between_texels(lens, a[0] * ra, b[0] * rb, c[0] * rc) or between_texels(
-            lens, a[1] * ra, b[1] * rb, c[1] * rc
-        ):
-            return
     size = map_size(slot)
     pinhole = Pinhole()
     pinhole.focal = wp.float64(lens[0])
@@ -191,23 +212,24 @@ def draw_caster(
     pinhole.width = size
     pinhole.height = size
     pinhole.side = 1
+    if a[2] > lens[1] and b[2] > lens[1] and c[2] > lens[1]:  # most triangles are small and cover no texel centre
+        ra = 1.0 / a[2]
+        rb = 1.0 / b[2]
+        rc = 1.0 / c[2]
+        if between_texels(lens, a[0] * ra, b[0] * rb, c[0] * rc) or between_texels(
+            lens, a[1] * ra, b[1] * rb, c[1] * rc
+        ):
+            return
+        mid = wp.float32(size / 2)
+        ka = map_corner(a[0] * ra * lens[0] + mid, a[1] * ra * lens[0] + mid, ra * lens[1])
+        kb = map_corner(b[0] * rb * lens[0] + mid, b[1] * rb * lens[0] + mid, rb * lens[1])
+        kc = map_corner(c[0] * rc * lens[0] + mid, c[1] * rc * lens[0] + mid, rc * lens[1])
+        draw_piece(keys, marks, slot, pinhole, ka, kb, kc)
+        return
     for which in range(2):
         piece = clipped_piece(pinhole, a, b, c, which)
         if piece.there != 0:
-            p = piece.b
-            q = piece.c
-            if edge_function(piece.a.x, piece.a.y, p.x, p.y, q.x, q.y) < wp.int64(0):
-                p = piece.c
-                q = piece.b
-            fill_triangle(keys[slot], pinhole, piece.a, p, q, wp.uint64(0), wp.uint64(0))
-            # (A filter reads up to two texels away.)
-            left = int(wp.max(wp.min(piece.a.x, wp.min(p.x, q.x)) >> wp.int64(8), wp.int64(0))) - 3
-            top = int(wp.max(wp.min(piece.a.y, wp.min(p.y, q.y)) >> wp.int64(8), wp.int64(0))) - 3
-            right = int(wp.max(piece.a.x, wp.max(p.x, q.x)) >> wp.int64(8)) + 3
-            bottom = int(wp.max(piece.a.y, wp.max(p.y, q.y)) >> wp.int64(8)) + 3
-            bound = nearness_key(wp.max(piece.a.q, wp.max(p.q, q.q)))
-            if right >= 0 and bottom >= 0:
-                raise_bounds(nearest, slot, left, top, right, bottom, bound)
+            draw_piece(keys, marks, slot, pinhole, piece.a, piece.b, piece.c)
 
 
 @wp.kernel
@@ -224,9 +246,12 @@ def draw_lamp_casters(
     chunk_count: wp.int32,
     threads_per_chunk: wp.int32,
     out_keys: wp.array2d[wp.uint64],
-    out_nearest: wp.array2d[wp.uint64],
+    out_marks: wp.array2d[wp.uint64],
 ):
-    """Draw chunks into the maps of all slots, which must be clear; `transforms` lead from the parts to the world."""
+    """Draw chunks into the maps of all slots, which must be clear; `transforms` lead from the parts to the world.
+
+    Tiles that a filter may read are marked in `out_marks`, and keep a mark of 0 otherwise.
+    """
     share = wp.tid() % threads_per_chunk
     i = first_chunk + (wp.tid() / threads_per_chunk) % chunk_count
     slot = wp.tid() / (threads_per_chunk * chunk_count)
@@ -245,147 +270,27 @@ def draw_lamp_casters(
             a = view_coordinates(right, down, ahead, vertices[t[0]])
             b = view_coordinates(right, down, ahead, vertices[t[1]])
             c = view_coordinates(right, down, ahead, vertices[t[2]])
-            draw_caster(maps, slot, a, b, c, out_keys, out_nearest)
+            draw_caster(maps, slot, a, b, c, out_keys, out_marks)
 
 
 @wp.kernel
-def bound_static_map(
+def bound_lamp_maps(
     keys: wp.array2d[wp.uint64], out_nearest: wp.array2d[wp.uint64], out_farthest: wp.array2d[wp.uint64]
 ):
-    """Write the exact bounds of the tiles in use, one thread for each tile."""
-    tile = wp.tid()
-    if out_nearest[0, tile] == wp.uint64(0):
+    """Write the bounds of the tiles that are marked in `out_nearest`, one thread for each tile of all maps."""
+    slot = wp.tid() / MAX_TILES
+    tile = wp.tid() % MAX_TILES
+    if out_nearest[slot, tile] == wp.uint64(0):
         return
-    top = (tile / (STATIC_SIZE / TILE)) * TILE
-    left = (tile % (STATIC_SIZE / TILE)) * TILE
+    size = map_size(slot)
+    top = (tile / (size / TILE)) * TILE
+    left = (tile % (size / TILE)) * TILE
     high = wp.uint64(0)
-    low = keys[0, top * STATIC_SIZE + left]
-    for y in range(wp.max(top - 1, 0), wp.min(top + TILE + 2, STATIC_SIZE)):
-        for x in range(wp.max(left - 1, 0), wp.min(left + TILE + 2, STATIC_SIZE)):
-            key = keys[0, nonnegative(y * STATIC_SIZE + x)]
+    low = keys[slot, top * size + left]
+    for y in range(wp.max(top - 1, 0), wp.min(top + TILE + 2, size)):
+        for x in range(wp.max(left - 1, 0), wp.min(left + TILE + 2, size)):
+            key = keys[slot, nonnegative(y * size + x)]
             high = wp.max(high, key)
             low = wp.min(low, key)
-    out_nearest[0, tile] = high
-    out_farthest[0, tile] = low
-
-
-@wp.func
-def filtered(
-    keys: wp.array2d[wp.uint64], row: wp.int32, size: wp.int32, u: wp.float32, v: wp.float32, limit: wp.uint64
-):
-    """Return the share of a lamp that is visible: percentage-closer filtering with nine bilinear taps."""
-    i = int(u)
-    j = int(v)
-    fu = u - wp.float32(i)
-    fv = v - wp.float32(j)
-    total = wp.float32(0.0)
-    for y in range(4):
-        base = nonnegative((j + y - 1) * size + i - 1)
-        hidden = wp.where(keys[row, base] > limit, 1.0 - fu, 0.0)
-        hidden = hidden + wp.where(keys[row, base + 1] > limit, 1.0, 0.0)
-        hidden = hidden + wp.where(keys[row, base + 2] > limit, 1.0, 0.0)
-        hidden = hidden + wp.where(keys[row, base + 3] > limit, fu, 0.0)
-        weight = wp.where(y == 0, 1.0 - fv, wp.where(y == 3, fv, 1.0))
-        total = total + hidden * weight
-    return maximum(1.0 - total * (1.0 / 9.0), 0.0)
-
-
-@wp.func
-def texel_at(lens: wp.vec4f, z: wp.float32) -> wp.float32:
-    """Return the size of a map's texel, metres, at a depth along the lamp's axis."""
-    return maximum(z, lens[1]) / lens[0]
-
-
-@wp.func
-def shadow_point(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f, n: wp.vec3f, to: wp.vec3f) -> wp.vec3f:
-    """Return the view coordinates at which a map is read for a point with normal n and unit direction `to` to the lamp.
-
-    The point is offset along its normal. The filter reads up to two texels away: on a surface at a grazing angle the
-    depths there differ more, so a larger offset prevents self-shadowing.
-    """
-    texel = texel_at(maps[0].lens[slot], axis_coordinate(maps[0].ahead[slot], p))
-    lift = 0.6 * texel + MIN_LIFT
-    if p[2] > EXACT_HEIGHT or n[2] < 0.7:
-        facing = dot(n, to)
-        lift = lift + 1.4 * texel * wp.sqrt(maximum(1.0 - facing * facing, 0.0))
-    return view_point(maps, slot, wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift))
-
-
-@wp.func
-def lamp_visibility(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f, n: wp.vec3f, to: wp.vec3f) -> wp.vec2f:
-    """Return the share of a lamp visible from a point with normal n, and the share that moving objects do not hide.
-
-    The latter is 1 where the static scene already hides the lamp.
-    """
-    lens = maps[0].lens[slot]
-    r = shadow_point(maps, slot, p, n, to)
-    left = wp.float32(1.0)
-    moving = wp.float32(1.0)
-    size = map_size(slot)
-    z = r[2]
-    if z > lens[1]:
-        scale = lens[0] / z
-        u = 0.5 * wp.float32(size) + r[0] * scale - 0.5
-        v = 0.5 * wp.float32(size) + r[1] * scale - 0.5
-        end = wp.float32(size - 4)
-        if u >= 3.0 and v >= 3.0 and u <= end and v <= end:
-            limit = nearness_key(
-                wp.float64(lens[1]) / wp.float64(maximum(z - BIAS - 0.35 * texel_at(lens, z), lens[1]))
-            )
-            tile = nonnegative((int(v) / TILE) * (size / TILE) + int(u) / TILE)
-            if slot < STATIC_SLOTS and maps[0].fixed[slot].nearest[0, tile] > limit:
-                left = wp.float32(0.0)
-                if maps[0].fixed[slot].farthest[0, tile] <= limit:
-                    left = filtered(maps[0].fixed[slot].keys, 0, size, u, v, limit)
-            if left > 0.0 and maps[0].nearest[slot, tile] > limit:
-                moving = filtered(maps[0].keys, slot, size, u, v, limit)
-    return wp.vec2f(minimum(left, moving), moving)
-
-
-@wp.func
-def ratio_range(low: wp.float32, high: wp.float32, near: wp.float32, far: wp.float32):
-    """Return the minimum and maximum of x / z for x in low..high and z in near..far, where near > 0."""
-    least = wp.where(low < 0.0, low / near, low / far)
-    largest = wp.where(high < 0.0, high / far, high / near)
-    return least, largest
-
-
-@wp.func
-def box_lit(maps: wp.array[LampMaps], slot: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
-    """Return whether no moving object shadows any point of a box; False also if the test would read too many tiles."""
-    lens = maps[0].lens[slot]
-    half = (high - low) * 0.5
-    c = view_point(maps, slot, (low + high) * 0.5)
-    a = maps[0].ahead[slot]
-    dz = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2]
-    lift = 3.0 * texel_at(lens, c[2] + dz) + 2.0 * MIN_LIFT
-    z0 = maximum(c[2] - dz - lift, lens[1])
-    z1 = c[2] + dz + lift
-    if z1 <= lens[1]:
-        return True
-    a = maps[0].right[slot]
-    dx = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift
-    a = maps[0].down[slot]
-    dy = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift
-    u0, u1 = ratio_range(c[0] - dx, c[0] + dx, z0, z1)
-    v0, v1 = ratio_range(c[1] - dy, c[1] + dy, z0, z1)
-    size = map_size(slot)
-    middle = 0.5 * wp.float32(size)
-    end = wp.float32(size - 1)
-    left = middle + u0 * lens[0] - 2.0
-    right = middle + u1 * lens[0] + 2.0
-    top = middle + v0 * lens[0] - 2.0
-    bottom = middle + v1 * lens[0] + 2.0
-    if right < 0.0 or bottom < 0.0 or left > end or top > end:
-        return True
-    x0 = int(maximum(left, 0.0)) / TILE
-    x1 = int(minimum(right, end)) / TILE
-    y0 = int(maximum(top, 0.0)) / TILE
-    y1 = int(minimum(bottom, end)) / TILE
-    if (x1 - x0 + 1) * (y1 - y0 + 1) > 1024:
-        return False
-    for y in range(y0, y1 + 1):
-        for x in range(x0, x1 + 1):
-            if maps[0].nearest[slot, y * (size / TILE) + x] > wp.uint64(0):
-                return False
-    return True
+    out_nearest[slot, tile] = high
+    out_farthest[slot, tile] = low

@@ -29,7 +29,7 @@ class MapMemory:
 
     def __init__(self, maps: int, device: str) -> None:
         self.keys: DeviceArray = zeros(maps * _TEXELS, wp.uint64, device).reshape((maps, _TEXELS))
-        self.nearest: DeviceArray = wp.zeros((maps, _TILES), dtype=wp.uint64, device=device)
+        self.nearest, self.farthest = (wp.zeros((maps, _TILES), dtype=wp.uint64, device=device) for _ in range(2))
 
     def clear(self, device: str) -> None:
         """Clear all maps."""
@@ -48,10 +48,11 @@ class MapMemory:
         """
         if not len(chunks):
             return
+        slots = int(self.keys.shape[0])
         threads = 1 if device == "cpu" else CHUNK  # a GPU has threads to spare
         launch(
             kernels.draw_lamp_casters,
-            int(self.keys.shape[0]) * len(chunks) * threads,
+            slots * len(chunks) * threads,
             device,
             vertices=g.vertices,
             triangles=g.triangles,
@@ -65,15 +66,14 @@ class MapMemory:
             chunk_count=len(chunks),
             threads_per_chunk=threads,
             out_keys=self.keys,
-            out_nearest=self.nearest,
+            out_marks=self.nearest,
         )
+        memory = {"keys": self.keys, "out_nearest": self.nearest, "out_farthest": self.farthest}
+        launch(kernels.bound_lamp_maps, slots * _TILES, device, **memory)
 
-    def as_static(self, device: str) -> StaticLampMap:
-        """Return the first map as that of the static scene, with exact bounds."""
-        farthest = wp.zeros((1, _TILES), dtype=wp.uint64, device=device)
-        memory = {"keys": self.keys, "out_nearest": self.nearest, "out_farthest": farthest}
-        launch(kernels.bound_static_map, _TILES, device, **memory)
-        return set_fields(StaticLampMap(), keys=self.keys, nearest=self.nearest, farthest=farthest)
+    def as_static(self) -> StaticLampMap:
+        """Return the first map as that of the static scene."""
+        return set_fields(StaticLampMap(), keys=self.keys, nearest=self.nearest, farthest=self.farthest)
 
 
 class LampShadowMaps:
@@ -83,7 +83,7 @@ class LampShadowMaps:
         self._g, self._device = geometry, device
         self._static: OrderedDict[int, StaticLampMap] = OrderedDict()  # by light
         self._spare: list[MapMemory] = []  # not in use by an observation
-        self._no_static = MapMemory(1, device).as_static(device)
+        self._no_static = MapMemory(1, device).as_static()
 
     def draw(self, slots: LampSlots, world: DeviceArray) -> tuple[DeviceArray, MapMemory]:
         """Return the maps of a frame, a one-element array of `LampMaps`, and the memory to give back after use.
@@ -126,7 +126,7 @@ class LampShadowMaps:
         maps = struct_array([maps_of(uploaded, struct_array([self._no_static], device), memory)], device)
         world = upload_transforms(world_from_parts(np.zeros((0, 3, 4))), device)
         memory.draw(self._g, maps, world, range(self._g.static_chunks), device)
-        return memory.as_static(device)
+        return memory.as_static()
 
 
 def maps_of(columns: Sequence[DeviceArray], static: DeviceArray, memory: MapMemory) -> LampMaps:
@@ -138,7 +138,8 @@ def maps_of(columns: Sequence[DeviceArray], static: DeviceArray, memory: MapMemo
         memory: The moving maps.
     """
     named = dict(zip(MAP_NAMES, columns, strict=True))
-    return set_fields(LampMaps(), **named, fixed=static, keys=memory.keys, nearest=memory.nearest)
+    bounds = {"nearest": memory.nearest, "farthest": memory.farthest}
+    return set_fields(LampMaps(), **named, fixed=static, keys=memory.keys, **bounds)
 
 
 def no_maps(device: str) -> DeviceArray:
@@ -147,7 +148,8 @@ def no_maps(device: str) -> DeviceArray:
     keys, nearest = (wp.zeros((1, 1), dtype=wp.uint64, device=device) for _ in range(2))
     empty = set_fields(StaticLampMap(), keys=keys, nearest=nearest, farthest=nearest)
     named = dict(zip(MAP_NAMES, columns, strict=True))
-    maps = set_fields(LampMaps(), **named, fixed=struct_array([empty], device), keys=keys, nearest=nearest)
+    bounds = {"nearest": nearest, "farthest": nearest}
+    maps = set_fields(LampMaps(), **named, fixed=struct_array([empty], device), keys=keys, **bounds)
     return struct_array([maps], device)
 
 

@@ -25,6 +25,7 @@ _STATIC_END = 60.0  # metres from that point at which the shadows of the town's 
 _MOVING_END = 45.0  # metres, likewise for lamps on moving objects
 _FADE = 0.25  # share of that distance over which they fade
 _MIN_COSINE = 0.33  # of a map's half angle, at most 71 degrees; the weak light of wider cones beyond has no shadows
+_MOVING_RANGE = 30.0  # metres along the axis of a lamp on a moving object at which shadows have faded out
 _NEAR = 0.3  # metres, near plane: nearer surfaces cast no shadow
 
 
@@ -69,7 +70,9 @@ def assign_slots(geometry: Geometry, position: Array, direction: Array, reach: A
     # (A border of six texels is for the filter.)
     size = np.repeat([float(int(kernels.STATIC_SIZE)), float(int(kernels.MOVING_SIZE))], [STATIC_SLOTS, MOVING_SLOTS])
     texels = np.where(weights > 0.0, (size / 2.0 - 6.0) / tangent, 0.0)
-    lens = np.stack([texels, np.full_like(texels, _NEAR), reach[lights], np.zeros_like(texels)], axis=-1)
+    inverse = np.where(weights > 0.0, tangent / (size / 2.0 - 6.0), 0.0)
+    end = np.minimum(reach[lights], np.where(size < int(kernels.STATIC_SIZE), _MOVING_RANGE, np.inf))
+    lens = np.stack([texels, np.full_like(texels, _NEAR), end, inverse], axis=-1)
     return LampSlots(lights, weights, (*axes, lens, _mounted_on(geometry)[lights]))
 
 

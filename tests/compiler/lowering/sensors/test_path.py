@@ -76,8 +76,8 @@ def test_rounded_corners_keep_speed_and_direction_steady(
     assert np.abs(moved[inside] / step - 1.0).max() < 0.02  # never faster, and hardly cut at the smallest arcs
     flat = np.hypot(*(there - here)[:, :2].T) > 0.2 * step
     yaws = np.degrees(np.arctan2(*(there - here)[:, 1::-1].T))
-    told = np.array([path.at(float(d + step / 2)).yaw for d in samples])
-    off = np.abs((yaws - told + 180.0) % 360.0 - 180.0)[flat & inside]
+    reported = np.array([path.at(float(d + step / 2)).yaw for d in samples])
+    off = np.abs((yaws - reported + 180.0) % 360.0 - 180.0)[flat & inside]
     assert off.size == 0 or np.percentile(off, 90) < 0.5
 
 
