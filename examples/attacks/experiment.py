@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from PIL import Image
+from recipe_runtime.attacks.truth import PatchRecord
 from recipe_runtime.loading import compiled
 from recipe_runtime.scenario import Scenario, Scenes
 from recipe_runtime.torch import Place, SceneView
@@ -75,8 +76,8 @@ class Experiment:
         scenes = Scenes()
         self._scenarios = {plan.variant: Scenario(plan, scenes) for plan in self._plan.variants}
         self._detector = PhotographDetector(TfliteNetwork(detector_file())).eval()
+        self._record, self._views = cache(self._truth), cache(self._view)
         self.test = self._places((*MANY, *HELD_OUT), _TEST_RUNS, _TEST_FRAMES)
-        self._views = cache(self._view)
 
     def attack(self, name: str, seed: int, steps: int) -> Outcome:
         """Attack with the logo, changed at most by REACH, and test the texture that is found, rounded to 8 bits."""
@@ -92,22 +93,19 @@ class Experiment:
 
     def cosines(self, texture: torch.Tensor) -> dict[str, float]:
         """Return, for each weather, the cosine between the exact and the false gradient at a texture."""
-        found = {}
+        views = [self._views(insertion, tuple(self.test)) for insertion in ("rendered", "false gradient")]
+        goal, weathers, found = self._goal(self.test), [weather_of(variant) for variant, _ in self.test], {}
         for weather in (*MANY, *HELD_OUT):
-            places = tuple(place for place in self.test if weather_of(place[0]) == weather)[:1]
-            goal = self._goal(places)
-            exact, false = (
-                gradient(self._views(kind, places), goal, texture, 0).flatten()
-                for kind in ("rendered", "false gradient")
-            )
+            frame = weathers.index(weather)
+            exact, false = (gradient(view, goal, texture, frame).flatten() for view in views)
             found[weather] = float(torch.nn.functional.cosine_similarity(exact, false, dim=0))
         return found
 
-    def seen(self, texture: torch.Tensor, place: Place) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return a frame with a texture, [3, 300, 300], 0 to 1, and the box [4] in which the goal scores most."""
-        view = self._views("rendered", (place,))
+    def seen(self, texture: torch.Tensor, places: Sequence[Place]) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return frames with a texture, [n, 3, 300, 300], and the boxes [n, 4] in which the goal scores most."""
+        view = self._views("rendered", tuple(places))
         with torch.no_grad():
-            return view.pictures(texture)[0], self._goal(view.frames).best(view, texture, [0])[1][0]
+            return view.pictures(texture), self._goal(places).best(view, texture, range(len(places)))[1]
 
     def _outcome(self, texture: torch.Tensor, losses: list[float], digital: bool) -> Outcome:
         goal, places = self._goal(self.test), tuple(self.test)
@@ -125,11 +123,12 @@ class Experiment:
         return FalseGradientView(rendered, DigitalView(self._scenarios, PATCH, frames))
 
     def _goal(self, frames: Sequence[Place]) -> Goal:
-        boxes = [self._box(variant, frame) for variant, frame in frames]
+        boxes = [patch_box(self._record(run_of(variant), frame)) for variant, frame in frames]
         return Goal(self._detector, torch.stack(boxes), PERSON)
 
-    def _box(self, variant: str, frame: int) -> torch.Tensor:
-        return patch_box(patch_record(self._scenarios[variant], PATCH, frame))
+    def _truth(self, run: str, frame: int) -> PatchRecord:
+        """Return where the poster is in a frame of a run, which is the same in all weathers."""
+        return patch_record(self._scenarios[f"weather={ONE[0]}{run}"], PATCH, frame)
 
     def _training(self, weathers: tuple[str, ...]) -> list[Place]:
         """Return the frames of an attack; attacks differ in the weathers, not in the moments that they see."""
@@ -141,13 +140,18 @@ class Experiment:
         return [(f"weather={weather}{run}", frame) for run, frame in moments for weather in weathers]
 
     def _visible(self, run: str, frame: int) -> bool:
-        share = patch_record(self._scenarios[f"weather=sun{run}"], PATCH, frame)["visible_fraction"]
+        share = self._record(run, frame)["visible_fraction"]
         return share is not None and share >= MIN_VISIBLE
 
 
 def weather_of(variant: str) -> str:
     """Return the weather of a variant's name."""
     return variant.partition("=")[2].partition("#")[0]
+
+
+def run_of(variant: str) -> str:
+    """Return the ending of a variant's name that stands for its run: nothing for the first."""
+    return "".join(variant.partition("#")[1:])
 
 
 def noise(seed: int) -> torch.Tensor:

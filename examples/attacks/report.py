@@ -41,13 +41,12 @@ def tables(results: Results) -> dict[str, Table]:
 
 def draw(results: Results, experiment: Experiment, path: Path) -> None:
     """Write a sheet of textures in weathers, with the score, and the box where a person is found."""
-    cells = []
+    cells, numbers = [], [_frame_of(results, weather) for weather in _SHOWN_WEATHERS]
     for name in _SHOWN:
         outcome = results.outcomes[name][0]
         cells.append((name, _pixels(torch.nn.functional.pad(outcome.texture[0], (9, 9, 0, 0), value=1.0))))
-        for weather in _SHOWN_WEATHERS:
-            number = _frame_of(results, weather)
-            picture, box = experiment.seen(outcome.texture, results.frames[number])
+        shown = experiment.seen(outcome.texture, [results.frames[number] for number in numbers])
+        for weather, number, picture, box in zip(_SHOWN_WEATHERS, numbers, *shown, strict=True):
             pixels, score = _pixels(picture), outcome.rendered[number]
             if score >= FOUND:
                 _outline(pixels, box)

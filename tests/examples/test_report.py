@@ -65,8 +65,9 @@ def test_the_sheet_marks_people_that_are_found(results: Any, tmp_path: Path) -> 
     from examples.attacks.report import draw
 
     class Grey:
-        def seen(self, texture: Any, place: tuple[str, int]) -> Any:
-            return torch.full((3, 300, 300), 0.5), torch.tensor([60.0, 60.0, 240.0, 240.0])
+        def seen(self, texture: Any, places: list[tuple[str, int]]) -> Any:
+            boxes = torch.tensor([[60.0, 60.0, 240.0, 240.0]]).expand(len(places), -1)
+            return torch.full((len(places), 3, 300, 300), 0.5), boxes
 
     draw(results, Grey(), tmp_path / "sheet.jpg")  # type: ignore[arg-type, unused-ignore]
     with Image.open(tmp_path / "sheet.jpg") as sheet:
