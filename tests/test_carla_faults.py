@@ -110,6 +110,7 @@ def test_6_kwcoco_accepts_the_file(dataset: Path) -> None:
     COCO_SCHEMA.validate(json.loads((dataset / "annotations" / "kwcoco.json").read_text()))
 
 
+@pytest.mark.slow
 def test_7_a_track_is_of_one_actor_and_does_not_depend_on_the_order_of_files(
     dataset: Path, kwcoco: dict[str, list[dict[str, Any]]], tmp_path: Path
 ) -> None:

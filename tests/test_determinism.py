@@ -1,7 +1,8 @@
 """Tier A within one host: the same bytes whatever the environment, the number of workers and the order.
 
-Each case verifies every frame of tests/golden/tiny.yaml, whose lockfile is committed: so it also holds today's bytes
-against those of the day they were locked. Whole emulated CPUs are in test_cpus.py.
+Each case verifies every frame of tests/golden/tiny.yaml, whose lockfile is committed: so it also compares today's bytes
+with those of the day they were locked. A build in the environment as it is has the lockfile's identity. Whole emulated
+CPUs are in test_cpus.py.
 """
 
 from __future__ import annotations
@@ -13,10 +14,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from recipe_compiler.ir import lockfile
+from recipe_runtime.dataset.reader import read
 
 from tests.sources import ROOT
 
 TINY = ROOT / "tests" / "golden" / "tiny.yaml"
+LOCKED = ROOT / "tests" / "golden" / "lockfiles" / "tiny.lock"
 
 
 def _numpy_features() -> str:
@@ -30,7 +34,6 @@ MASK = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"
 # One run masks all that chooses by the processor, one changes all else; what a differing one is due to, a run of each
 # variable alone finds.
 CASES: dict[str, tuple[dict[str, str], int]] = {
-    "as it is": ({}, 1),
     "another processor": (
         {
             "GLIBC_TUNABLES": MASK,
@@ -73,7 +76,7 @@ def test_the_golden_recipe_verifies(case: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_files_are_the_same_bytes_in_another_environment(tmp_path: Path) -> None:
-    """Not only pixels: every file of the dataset, annotations and all, but for the pictures for people."""
+    """Not only the pixels and labels of the lockfile: every file of the dataset, annotations and all."""
     trees = []
     for name, environment, workers in (("a", {}, 1), ("b", {"TZ": "Asia/Kolkata", "PYTHONHASHSEED": "77"}, 2)):
         out = tmp_path / name
@@ -82,5 +85,6 @@ def test_files_are_the_same_bytes_in_another_environment(tmp_path: Path) -> None
         done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=600)
         assert done.returncode == 0, done.stderr
         trees.append({p.relative_to(out).as_posix(): p.read_bytes() for p in out.rglob("*") if p.is_file()})
+        assert read(out).lock.identity == lockfile.read(LOCKED).identity
     assert trees[0].keys() == trees[1].keys()
     assert [path for path in trees[0] if trees[0][path] != trees[1][path]] == []

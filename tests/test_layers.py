@@ -95,6 +95,7 @@ def test_packages_stay_small(top: str) -> None:
     assert too_large <= LARGE_PACKAGES, {folder: count[folder] for folder in too_large}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("top", PACKAGES)
 def test_modules_and_functions_stay_short(top: str) -> None:
     long, seen = [], 0
@@ -110,6 +111,7 @@ def test_modules_and_functions_stay_short(top: str) -> None:
     assert not long
 
 
+@pytest.mark.slow
 def test_reading_a_dataset_loads_no_builder_verifier_or_transfer() -> None:
     code = "import sys, recipe_runtime.dataset.reader; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

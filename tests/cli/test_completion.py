@@ -87,6 +87,7 @@ def test_a_broken_recipe_completes_nothing_and_prints_nothing(folder: Path, capf
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_bash_asks_through_the_documented_variable(folder: Path) -> None:
     words = "recipe shot small.yaml --variant weather=w"
     environment = {"_RECIPE_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": "4"}

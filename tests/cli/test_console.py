@@ -5,10 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import json
-import os
 import re
-import subprocess
-import sys
 import unicodedata
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,6 +21,7 @@ from recipe_cli.console import Styled, in_colour, safe, say
 from recipe_cli.words import option_help
 from recipe_compiler.ir.errors import Code, Place, Problem, printable, split_remedy
 
+from tests.cli.runner import run_here
 from tests.cli.test_small_files import on_a_terminal
 from tests.sources import ROOT, modules, walk
 
@@ -244,17 +242,6 @@ def test_verdicts_have_their_colours(
 # JSON
 
 
-def run(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "recipe_cli", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env={**os.environ, **environment},
-        timeout=120,
-    )
-
-
 FAILING = {
     "init": ["a/b"],
     "check": ["gone.yaml"],
@@ -277,7 +264,7 @@ FAILING = {
 @pytest.mark.slow
 @pytest.mark.parametrize("command", FAILING)
 def test_every_command_gives_its_errors_as_one_document(command: str, tmp_path: Path) -> None:
-    done = run(command, *FAILING[command], "--json", cwd=tmp_path)
+    done = run_here(command, *FAILING[command], "--json", cwd=tmp_path)
     answer = json.loads(done.stdout)
     assert (done.returncode, done.stderr) == (2, "")
     (error,) = answer["errors"]

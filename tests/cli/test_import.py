@@ -151,6 +151,7 @@ def test_other_imports_build_and_verify(name: str, tmp_path: Path) -> None:
     assert run_here("verify", "dataset", "--all", cwd=tmp_path).stdout.startswith("PASS")
 
 
+@pytest.mark.slow
 def test_every_configuration_of_the_tests_is_imported_by_the_command(tmp_path: Path) -> None:
     for name, files in TOGETHER.items():
         done = run_here("import", "carla", *files, "-o", name, cwd=tmp_path)

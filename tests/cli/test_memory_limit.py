@@ -52,4 +52,5 @@ def test_plan_shows_memory(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     document = json.loads(_run("plan", "--json", path).output)
     cost, memory = document["cost"], document["memory"]
     assert memory["host"] == 64 << 30
-    assert memory["needed"] == cost["main_memory"] + memory["workers"] * cost["worker_memory"]
+    used = min(memory["workers"], cost["frames"])  # on a host of many cores, some have no frame to render
+    assert memory["needed"] == cost["main_memory"] + used * cost["worker_memory"]

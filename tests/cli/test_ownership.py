@@ -106,6 +106,7 @@ def test_two_recipes_of_one_name_do_not_share_a_dataset(recipe: Run) -> None:
         recipe("build", "a/r.yaml")
 
 
+@pytest.mark.slow
 def test_a_recipe_replaces_its_own_dataset_after_every_edit(recipe: Run) -> None:
     """Also after another recipe of the same meaning found it there, and where the project was moved as a whole."""
     write("p/a.yaml", RECIPE)

@@ -220,9 +220,7 @@ def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, su
     else:
         (tmp_path / name).mkdir()
     arguments = [command, name] + ([name] if command == "diff" else [])
-    completed = subprocess.run(
-        [sys.executable, "-m", "recipe_cli", *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=60
-    )
+    completed = run_here(*arguments, cwd=tmp_path)
     assert completed.returncode == 2, completed.stderr
     assert "\x1b" not in completed.stderr + completed.stdout
     first, *rest = completed.stderr.splitlines()

@@ -100,6 +100,7 @@ def test_an_interrupted_copy_says_that_the_dataset_is_whole(
     ]
 
 
+@pytest.mark.slow
 def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tmp_path: Path) -> None:
     command(_whole)
     picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"

@@ -53,6 +53,7 @@ def test_every_listed_surface_can_be_named_in_a_recipe(tmp_path: Path) -> None:
     assert {row["on"] for row in rows} == {"town", "actor"}
 
 
+@pytest.mark.slow
 def test_a_blueprints_texture_map_is_white_where_it_is_painted(tmp_path: Path) -> None:
     done = run("vehicle.bus.city", "-o", str(tmp_path / "maps"))
     assert done.stderr == f"{tmp_path}/maps: 1 texture map, 0 sheets\n"
@@ -72,6 +73,7 @@ def test_a_blueprints_texture_map_is_white_where_it_is_painted(tmp_path: Path) -
         run("vehicle.bus.city", "-o", str(tmp_path / "maps"))
 
 
+@pytest.mark.slow
 def test_flat_surfaces_are_shown_on_a_sheet(tmp_path: Path) -> None:
     """In green, in the middle of its picture."""
     run(str(POSTER), "wall.1", "-o", str(tmp_path))

@@ -36,6 +36,7 @@ def test_a_plan_over_the_limits_is_refused_unless_allowed(built: Path, monkeypat
     _check_cost(datasets.read(built).plan, "tiny", True)
 
 
+@pytest.mark.slow
 def test_a_plan_of_hours_costs_hours() -> None:
     """As the attacker wrote it: long, with large pictures, and no frame of it in the manifest."""
     (long,) = fakes.dataset_plan(frames=60_000, weathers=1).variants[:1]

@@ -32,6 +32,7 @@ def test_broken_recipe_is_refused_with_its_exact_text(folder: Path) -> None:
     assert time.process_time() - started < 5.0  # however hostile
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [*(folder / "recipe.yaml" for folder in GOOD), *RECIPES], ids=str)
 def test_good_recipe_compiles(path: Path) -> None:
     compiled = compile_recipe(path)

@@ -39,6 +39,7 @@ def test_a_draw_over_a_preset_is_warned_of() -> None:
     assert warning.message == "axis w and sweep.draw both set weather.wetness"
 
 
+@pytest.mark.slow
 def test_meetings_of_thousands_of_paths_are_found_quickly() -> None:
     from recipe_compiler.expand import clashes
     from recipe_compiler.schema.sweep import Sweep

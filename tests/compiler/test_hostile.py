@@ -94,6 +94,7 @@ def test_any_bytes_are_refused_politely(content: bytes) -> None:
     assert value is not None or problems
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())
 def test_any_broken_recipe_is_refused_politely(data: st.DataObject) -> None:

@@ -112,6 +112,7 @@ def test_variants_that_share_a_town_share_its_plan_and_those_that_share_a_cast_i
     assert len({id(plan.appearance.looks) for plan in plans}) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blocks", [[1, 1], [3, 3], [9, 9], [9, 1]])
 def test_the_size_of_a_town_is_known_beforehand(blocks: list[int]) -> None:
     count = len(towns.build("downtown", 7, {"blocks": blocks}).plan.elements)
@@ -246,6 +247,7 @@ def far(count: int) -> dict[str, Any]:
     )
 
 
+@pytest.mark.slow
 def test_the_length_of_routes_is_bounded_and_paid_for() -> None:
     near, long = compiled(small(traffic={}, actors={})).cost, compiled(far(1)).cost
     assert long.minutes - near.minutes > 0.2
@@ -261,6 +263,7 @@ def test_a_pile_of_actors_is_refused(count: int, blueprint: str) -> None:
         compiled(small(traffic={}, actors=pile))
 
 
+@pytest.mark.slow
 def test_boxes_that_shorten_arms_are_part_of_the_estimate() -> None:
     """Each sensor's plan has all buildings of its town."""
     recipe = small()

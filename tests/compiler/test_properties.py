@@ -86,6 +86,7 @@ def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blu
     assert before.appearance == after.appearance.model_copy(update={"looks": Looks(looks)})
 
 
+@pytest.mark.slow
 @quick
 @given(seeds, st.integers(0, 4), st.integers(0, 4))
 def test_more_traffic_changes_nobody(seed: int, vehicles: int, pedestrians: int) -> None:
@@ -95,6 +96,7 @@ def test_more_traffic_changes_nobody(seed: int, vehicles: int, pedestrians: int)
     assert by_name(few) == {k: v for k, v in by_name(more).items() if k != new}
 
 
+@pytest.mark.slow
 @quick
 @given(seeds, names, st.integers(1, 8))
 def test_adding_a_sensor_changes_no_other(seed: int, name: str, frames: int) -> None:

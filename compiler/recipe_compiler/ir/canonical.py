@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _quoted: Callable[[str], str] = encode_basestring
+_plain = json.JSONEncoder(ensure_ascii=False).encode
 
 JsonValue: TypeAlias = bool | int | float | str | Sequence[object] | Mapping[str, object] | None
 """A value with a JSON form. Sequences are lists or tuples, mappings are dicts, and their items are such values too."""
@@ -116,16 +117,23 @@ def pretty(value: JsonValue) -> str:
 
 
 def _pretty(value: object, indent: int) -> str:
+    """Format a value; it stands on one line if that and the indentation have no more than 110 characters.
+
+    A list or dict that fits on one line has parts that fit on one line too, so the parts are formatted first.
+    """
     if not isinstance(value, dict | list | tuple) or not value:
-        return json.dumps(value, ensure_ascii=False)
-    flat = json.dumps(value, ensure_ascii=False, sort_keys=True)
-    if len(flat) + indent <= 110:
-        return flat
-    pad, end = " " * (indent + 2), " " * indent
+        return _plain(value)
     if isinstance(value, dict):
-        rows = [f"{pad}{json.dumps(k, ensure_ascii=False)}: {_pretty(v, indent + 2)}" for k, v in sorted(value.items())]
-        return "{\n" + ",\n".join(rows) + f"\n{end}}}"
-    return "[\n" + ",\n".join(pad + _pretty(v, indent + 2) for v in value) + f"\n{end}]"
+        begin, finish = "{", "}"
+        rows = [f"{_quoted(key)}: {_pretty(item, indent + 2)}" for key, item in sorted(value.items())]
+    else:
+        begin, finish = "[", "]"
+        rows = [_pretty(item, indent + 2) for item in value]
+    flat = sum(map(len, rows)) + 2 * len(rows) + indent <= 110 and not any("\n" in row for row in rows)
+    if flat:
+        return begin + ", ".join(rows) + finish
+    pad = " " * (indent + 2)
+    return f"{begin}\n{pad}" + f",\n{pad}".join(rows) + f"\n{' ' * indent}{finish}"
 
 
 def _check(value: object, where: str) -> None:

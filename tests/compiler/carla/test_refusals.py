@@ -196,6 +196,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", HOSTILE)
 def test_hostile_input_is_refused_soon(case: str) -> None:
     started = time.process_time()

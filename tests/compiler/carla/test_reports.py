@@ -21,6 +21,7 @@ KEYS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOGETHER)
 def test_every_leaf_of_the_input_is_in_the_report(name: str) -> None:
     for one in import_files(*TOGETHER[name]):
@@ -59,6 +60,7 @@ def test_the_configurations_use_every_key_of_the_collector() -> None:
     assert not [key for key in wanted if key not in keys]
 
 
+@pytest.mark.slow
 def test_an_import_is_repeatable() -> None:
     for name in ("paper", "oscar", "crowded"):
         files = TOGETHER[name]

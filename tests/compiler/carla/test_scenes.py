@@ -186,6 +186,7 @@ def test_every_town_of_carla_has_one_here() -> None:
     assert towns.closest_match("Atlantis") is None
 
 
+@pytest.mark.slow
 def test_actors_start_where_they_can_stand() -> None:
     site = Site("downtown")
     points = [Point("walker", 100.0 * n, 3.0, goal=(100.0 * n, 30.0)) for n in range(2)]

@@ -280,6 +280,7 @@ def test_any_bytes_are_read_or_refused(kind: str, content: bytes) -> None:
     _read_or_refused(kind, content)
 
 
+@pytest.mark.slow
 @hostile
 @given(st.sampled_from(["obj", "stl", "glb", "png"]), st.data())
 def test_any_damage_is_read_or_refused(kind: str, data: st.DataObject) -> None:
@@ -342,6 +343,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_the_same_numbers_whatever_the_processor_can() -> None:
     """numpy without its wider instructions, glibc without FMA: the same bytes."""
     seen = set()

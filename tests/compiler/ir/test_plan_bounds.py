@@ -43,6 +43,7 @@ def test_every_town_is_within_the_tables(case: tuple[str, dict[str, Any]], seed:
     assert list(plan_bounds.town_faults(towns.build(case[0], seed, case[1]).plan.elements)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "values"), LARGEST, ids=[name for name, _ in LARGEST])
 def test_the_largest_town_is_within_the_tables(name: str, values: dict[str, Any]) -> None:
     values = {key: values[key] for key in towns.PARAMETERS[name]}

@@ -116,6 +116,7 @@ def test_spawn_points_are_on_the_right_ground(town: Town) -> None:
         assert all(math.dist(q, (p.x, p.y)) > 0.4 for q in solid.near(p.x, p.y)), p
 
 
+@pytest.mark.slow
 @all_towns
 def test_routes_meet_nothing_that_stands(town: Town) -> None:
     """Routes keep away from objects: wheels by a metre, walkers by a shoulder's width."""

@@ -60,6 +60,7 @@ def test_a_track_is_one_actor_in_every_video_and_file(dataset: Path) -> None:
     assert len({row["scene"] for row in videos.values()}) == 1
 
 
+@pytest.mark.slow
 def test_ids_stay_when_a_dataset_is_extended(dataset: Path, tmp_path: Path) -> None:
     """Ids were counted: another frame or variant before an image gave it another id."""
     longer = build(dataset_plan(13, 3), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
@@ -218,6 +219,7 @@ def test_a_perfect_detector_has_an_average_precision_of_1(dataset: Path, capsys:
         assert evaluation.stats[8] == pytest.approx(1.0)  # AR of 100 detections
 
 
+@pytest.mark.slow
 def test_boxes_are_x_y_width_height_with_outer_edges(dataset: Path) -> None:
     """x + width and y + height are the outer edges of the last column and row, as torchvision's `xyxy` has them."""
     data = json.loads((dataset / "annotations/coco/rgb.json").read_text())

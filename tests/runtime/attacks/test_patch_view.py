@@ -58,6 +58,7 @@ def view_of(weather: str, texture: Pixels = OWN, lens: str = "plain") -> PatchVi
     return PatchView(frame_of(scene_of(texture), plan_of(texture, weather, lens)), "poster", width, height)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize("weather", WEATHERS)
 def test_a_frame_with_another_texture_has_the_bytes_of_a_recipe_with_it(weather: str, lens: str) -> None:

@@ -58,6 +58,7 @@ def scene(recipes: tuple[Path, Path]) -> Scenario:
     return recipe_runtime.open(recipes[0], RENDERED)
 
 
+@pytest.mark.slow
 def test_a_texture_gives_the_frames_of_a_recipe_with_it(recipes: tuple[Path, Path], scene: Scenario) -> None:
     other = recipe_runtime.open(recipes[1], RENDERED)
     for frame in (2, 0, 1):

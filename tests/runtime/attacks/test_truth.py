@@ -156,6 +156,7 @@ def test_a_build_writes_the_truth_of_every_frame(built: Path, compiled: Compiled
     assert verify_files(dataset, Options(nonce=1), lambda *_: None).document()["verdict"] == "PASS"
 
 
+@pytest.mark.slow
 def test_a_variant_without_patches_has_none(tmp_path: Path) -> None:
     """The kernel that numbers patches reads the first patch, so it must not be launched without patches."""
     head, rest = RECIPE.split("  patches:\n")
@@ -228,6 +229,7 @@ def test_large_pictures_are_projected_by_strips(monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_array_equal(projection.covered_pixels(face, camera, view), whole)
 
 
+@pytest.mark.slow
 def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe: Path, tmp_path: Path) -> None:
     """Files of an earlier dataset are reused by appearance, also for a sensor without pictures."""
     out, cache = tmp_path / "out", recipe.parent / "cache"

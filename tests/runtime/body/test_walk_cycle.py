@@ -102,6 +102,7 @@ def test_who_turns_on_the_spot_steps() -> None:
     assert len({foot.hx for moment in moments for foot in moment.feet.feet if foot.planted}) >= 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.8, 1.4, 3.0])
 @pytest.mark.parametrize("blueprint", [ADULT, CHILD], ids=lambda b: b.id)
 @pytest.mark.parametrize("at", [1.0, 1.3])

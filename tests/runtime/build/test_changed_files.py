@@ -54,6 +54,7 @@ def link(path: Path) -> None:
     path.symlink_to(elsewhere)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [overwrite, swap, lengthen, link, Path.unlink])
 @pytest.mark.parametrize("path", [PICTURE, TEXT])
 def test_a_changed_file_is_named_and_nothing_is_published(
@@ -77,6 +78,7 @@ def test_what_is_only_touched_or_copied_is_no_change(tmp_path: Path) -> None:
     assert made(tmp_path, touch).built
 
 
+@pytest.mark.slow
 def test_a_file_taken_over_and_then_changed_is_noticed(tmp_path: Path) -> None:
     """It is one file with the earlier dataset's; that is damaged then, too, and made again."""
     first = made(tmp_path)

@@ -42,6 +42,7 @@ def test_only_the_cache_that_sealed_a_stopped_build_resumes_it(tmp_path: Path) -
     assert tree(own.path) == tree(forged.path) == truth
 
 
+@pytest.mark.slow
 def test_a_record_of_another_seal_is_made_again(tmp_path: Path) -> None:
     """An attacker who knows the job's seal can neither write a record nor swap those of two shards."""
     stopped(tmp_path, tmp_path / "cache")
@@ -52,6 +53,7 @@ def test_a_record_of_another_seal_is_made_again(tmp_path: Path) -> None:
     assert made(tmp_path, tmp_path / "cache").resumed == len(records) - 2
 
 
+@pytest.mark.slow
 def test_a_record_without_its_seal_is_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lists of lists of 256 MiB took many times their size, before the seal was looked at."""
     stopped(tmp_path, tmp_path / "cache")

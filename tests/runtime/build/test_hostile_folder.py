@@ -24,8 +24,8 @@ NAMES = ("numpy", "pybullet", "signal", "warp", "json", "PIL", "recipe_runtime",
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("inherited", ["", "ROOT"])
-def test_nothing_of_the_current_folder_is_run(tmp_path: Path, inherited: str) -> None:
+@pytest.mark.parametrize("inherited", [False, True])
+def test_nothing_of_the_current_folder_is_run(tmp_path: Path, inherited: bool) -> None:
     """As the installed command runs: its own path has no current folder, and its children's have none either."""
     recipe = Path(sysconfig.get_path("scripts")) / "recipe"
     if not recipe.is_file():
@@ -37,11 +37,12 @@ def test_nothing_of_the_current_folder_is_run(tmp_path: Path, inherited: str) ->
     environment.pop("PYTHONPATH", None)
     if inherited:
         environment["PYTHONPATH"] = str(Path(__file__).parents[3])
-    for command in (
+    commands = [
+        ["build", "small.yaml", "--workers", "1"],  # starts every kind of child process
         ["shot", "small.yaml", "--frame", "0"],
-        ["build", "small.yaml", "--workers", "2"],
         ["verify", "datasets/small", "--frames", "1", "--workers", "1"],
-    ):
+    ]
+    for command in commands[:1] if inherited else commands:
         done = subprocess.run([recipe, *command], cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         assert not (tmp_path / "ran").exists(), (command, (tmp_path / "ran").read_text())

@@ -68,6 +68,7 @@ def test_workers_and_shards_change_no_byte(made: BuildResult, tmp_path: Path, wo
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "tiny"]
 
 
+@pytest.mark.slow
 def test_order_changes_no_byte(made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shards = all_shards(dataset_plan(), 2)
     random.Random(4).shuffle(shards)
@@ -118,6 +119,7 @@ def test_labels_that_are_equal_are_one_file(made: BuildResult) -> None:
     assert (one / "tracks.csv").samefile(shaky / "tracks.csv")
 
 
+@pytest.mark.slow
 def test_without_hard_links_the_bytes_are_the_same(
     made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,6 +132,7 @@ def test_without_hard_links_the_bytes_are_the_same(
     assert {p.stat().st_nlink for p in result.path.rglob("*.png")} == {1}
 
 
+@pytest.mark.slow
 def test_what_is_there_is_not_built_again_and_what_is_damaged_is(made: BuildResult, tmp_path: Path) -> None:
     def never(*_: object) -> NoReturn:
         raise AssertionError("an engine was used")
@@ -144,6 +147,7 @@ def test_what_is_there_is_not_built_again_and_what_is_damaged_is(made: BuildResu
     assert tree(first.path) == tree(made.path)
 
 
+@pytest.mark.slow
 def test_another_plan_replaces_the_dataset(made: BuildResult, tmp_path: Path) -> None:
     again(tmp_path, dataset_plan(weathers=1), workers=0)
     result = again(tmp_path, workers=0)
@@ -236,6 +240,7 @@ def stopped(folder: Path) -> Path:
     return folder / ".tiny.partial"
 
 
+@pytest.mark.slow
 def test_a_resumed_build_makes_again_what_was_lost_or_damaged(made: BuildResult, tmp_path: Path) -> None:
     partial = stopped(tmp_path)
     (partial / "dataset/weather=w0,jitter=still/street/rgb/000000.png").unlink()
@@ -294,6 +299,7 @@ def test_a_stop_between_the_renames_loses_nothing(made: BuildResult, tmp_path: P
     assert tree(again(tmp_path, workers=0).path) == tree(made.path)
 
 
+@pytest.mark.slow
 def test_a_stop_after_the_renames_leaves_nothing_behind(made: BuildResult, tmp_path: Path) -> None:
     old = again(tmp_path, dataset_plan(weathers=1), workers=0)
     partial = stopped(tmp_path)
@@ -331,6 +337,7 @@ def test_a_stop_while_the_work_is_cleared_away_leaves_nothing_in_the_way(
     assert again(tmp_path, dataset_plan(weathers=3), workers=0).built
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 1])
 def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -> None:
     with pytest.raises(RunError) as caught:
@@ -338,6 +345,7 @@ def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -
     assert str(caught.value) == "weather=w0,jitter=still, street, frame 7: ArithmeticError: the lamp went out"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 1])
 def test_a_scene_that_cannot_be_loaded_is_reported_with_its_first_frame(tmp_path: Path, workers: int) -> None:
     """Workers load it while it is simulated; errors there are reported, too."""
@@ -359,11 +367,13 @@ def test_workers_load_the_scene_while_it_is_simulated(
     assert tree(result.path) == tree(made.path)
 
 
+@pytest.mark.slow
 def test_a_lost_worker_is_an_error_that_says_so(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"weather=w0,jitter=still.*frames 5 to 9: a worker process was lost \(exit -9"):
         again(tmp_path, engines=DYING, workers=1)
 
 
+@pytest.mark.slow
 def test_what_is_not_kept_is_not_said_to_be(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"a worker process was lost .* with fewer workers, try again$"):
         locking.lock(dataset_plan(), "", {}, workers=1, progress=lambda *_: None, engines=DYING)

@@ -81,6 +81,7 @@ def test_the_recipe_and_all_that_it_uses_lie_in_the_dataset(original: Path) -> N
     assert commands in (original / "README.md").read_text()
 
 
+@pytest.mark.slow
 def test_a_copy_compiles_to_the_same_plan_and_passes(copied: Path) -> None:
     assert compile_recipe(copied / "recipe" / "recipe.yaml").plan == COMPILED.plan
     report = checked(copied)
@@ -145,6 +146,7 @@ def test_another_datasets_lockfile_is_found(copied: Path) -> None:
     assert (found.stage, found.path) == ("lockfile", "recipe/lockfiles/assets.lock")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
@@ -172,6 +174,7 @@ def test_forged_rows_that_no_identity_covers_are_found_in_the_datasets_lockfile(
     assert f"{path}: " in report.differences[0].message and message in report.differences[0].message
 
 
+@pytest.mark.slow
 def test_a_recipe_with_another_description_than_a_dataset_without_recipe_fails(copied: Path) -> None:
     """The description is in the dataset's card and annotations, and in no digest of a lockfile."""
     shutil.rmtree(copied / "recipe")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,9 +23,16 @@ PLAN = dataset_plan(frames=6, weathers=2)
 STREET = "weather=w0,jitter=still/street"
 
 
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> BuildResult:
+    return _build(tmp_path_factory.mktemp("original"))
+
+
 @pytest.fixture
-def made(tmp_path: Path) -> BuildResult:
-    return _build(tmp_path)
+def made(original: BuildResult, tmp_path: Path) -> BuildResult:
+    """A copy of one build and of its cache; a file that has several names has them in the copy too."""
+    subprocess.run(["cp", "-a", f"{original.path.parent}/.", tmp_path], check=True)
+    return replace(original, path=tmp_path / original.path.name)
 
 
 def _build(folder: Path, calls: Calls | None = None, *, repair: bool = False) -> BuildResult:

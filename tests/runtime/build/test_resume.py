@@ -196,6 +196,7 @@ def stop(code: str, cache: Path, how: signal.Signals) -> None:
     process.wait(10)
 
 
+@pytest.mark.slow
 def test_a_lock_that_was_killed_is_continued(fresh: Lockfile, tmp_path: Path) -> None:
     stop(LOCK_SLOWLY.format(cache=str(tmp_path / "cache")), tmp_path / "cache", signal.SIGKILL)
     made, known = relock(tmp_path / "cache")

@@ -64,6 +64,7 @@ def test_one_changed_weather_is_one_appearance(tmp_path: Path) -> None:
     assert tree(changed.path) == _fresh(tmp_path / "b", second)
 
 
+@pytest.mark.slow
 def test_a_removed_value_renders_nothing(tmp_path: Path) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=3))
@@ -72,6 +73,7 @@ def test_a_removed_value_renders_nothing(tmp_path: Path) -> None:
     assert tree(smaller.path) == _fresh(tmp_path / "b", dataset_plan(frames=6, weathers=1))
 
 
+@pytest.mark.slow
 def test_another_sensor_leaves_the_others_alone(tmp_path: Path) -> None:
     calls: Calls = []
     plan = dataset_plan(frames=6, weathers=1)
@@ -87,6 +89,7 @@ def test_another_sensor_leaves_the_others_alone(tmp_path: Path) -> None:
     assert tree(changed.path) == _fresh(tmp_path / "b", changed_plan)
 
 
+@pytest.mark.slow
 def test_a_renamed_variant_is_the_same_content(tmp_path: Path) -> None:
     calls: Calls = []
     plan = dataset_plan(frames=6, weathers=1)
@@ -98,6 +101,7 @@ def test_a_renamed_variant_is_the_same_content(tmp_path: Path) -> None:
     assert tree(changed.path) == _fresh(tmp_path / "b", changed_plan)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["street/rgb/000003.png", "street/depth/000002.png", "side/labels.jsonl"])
 def test_a_damaged_file_is_not_taken_over(tmp_path: Path, path: str) -> None:
     first, second = dataset_plan(frames=6, weathers=1), dataset_plan(frames=6, weathers=2)
@@ -108,6 +112,7 @@ def test_a_damaged_file_is_not_taken_over(tmp_path: Path, path: str) -> None:
     assert tree(_build(tmp_path / "a", second).path) == _fresh(tmp_path / "b", second)
 
 
+@pytest.mark.slow
 def test_an_untrusted_dataset_is_not_taken_from(tmp_path: Path) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
@@ -116,6 +121,7 @@ def test_an_untrusted_dataset_is_not_taken_from(tmp_path: Path) -> None:
     assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
 
 
+@pytest.mark.slow
 def test_what_other_code_built_is_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
@@ -124,6 +130,7 @@ def test_what_other_code_built_is_not_taken_over(tmp_path: Path, monkeypatch: py
     assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
 
 
+@pytest.mark.slow
 def test_other_outputs_are_made_anew(tmp_path: Path) -> None:
     plan = dataset_plan(frames=6, weathers=1)
     _build(tmp_path / "a", plan)
@@ -131,6 +138,7 @@ def test_other_outputs_are_made_anew(tmp_path: Path) -> None:
     assert tree(_build(tmp_path / "a", changed_plan).path) == _fresh(tmp_path / "b", changed_plan)
 
 
+@pytest.mark.slow
 def test_each_stage_says_why_it_runs(tmp_path: Path) -> None:
     reported: list[str] = []
     _build(tmp_path, dataset_plan(frames=6, weathers=1), explain=reported.extend)

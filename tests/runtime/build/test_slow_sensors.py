@@ -162,6 +162,7 @@ def test_an_export_has_its_frames_and_no_others(slow: Path, tmp_path: Path) -> N
     assert {n.split(".")[0] for n in names if n.startswith(f"{STREET}/")} == {f"{STREET}/{k:06d}" for k in TAKEN}
 
 
+@pytest.mark.slow
 def test_a_sensor_at_another_rate_is_rendered_again_and_the_others_are_not(slow: Path, tmp_path: Path) -> None:
     made(tmp_path, SLOW)
     result = build(slowed(dataset_plan(), 3), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)

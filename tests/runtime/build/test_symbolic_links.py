@@ -26,6 +26,7 @@ def victim(folder: Path) -> dict[str, bytes]:
     return tree(folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("there", [False, True])
 def test_a_work_folder_that_is_a_link_is_refused_and_not_followed(tmp_path: Path, there: bool) -> None:
     before = victim(tmp_path / "victim")
@@ -41,6 +42,7 @@ def test_a_work_folder_that_is_a_link_is_refused_and_not_followed(tmp_path: Path
     assert tree(tmp_path / "victim") == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["old", "dataset", "shards"])
 def test_a_link_within_a_work_folder_is_not_followed(tmp_path: Path, name: str) -> None:
     before = victim(tmp_path / "victim")
@@ -53,6 +55,7 @@ def test_a_link_within_a_work_folder_is_not_followed(tmp_path: Path, name: str) 
     assert not partial.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dataset", "shards", "of a variant"])
 def test_a_link_that_appears_in_unfinished_work_is_removed(tmp_path: Path, name: str) -> None:
     """A folder replaced by a link was taken for whole by every later build, which then refused to publish it."""
@@ -69,6 +72,7 @@ def test_a_link_that_appears_in_unfinished_work_is_removed(tmp_path: Path, name:
     assert damaged_files(read(built.path), lambda *_: None) == []
 
 
+@pytest.mark.slow
 def test_folders_and_links_of_others_are_not_published(tmp_path: Path) -> None:
     """An empty folder made in the work folder during a build made `recipe verify` fail afterwards."""
     with pytest.raises(RecipeError):

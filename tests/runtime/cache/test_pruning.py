@@ -130,6 +130,7 @@ def test_an_entry_that_is_read_meanwhile_stays(tmp_path: Path, monkeypatch: pyte
         assert store.get("traces", "aa" * 32) is not None
 
 
+@pytest.mark.slow
 def test_a_build_leaves_its_cache_within_the_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = _filled(tmp_path / "cache")
     monkeypatch.setenv("RECIPE_CACHE_LIMIT", "0")

@@ -191,6 +191,7 @@ def _shot(plan: DatasetPlan, folder: Path) -> None:
     shot(plan.variants[0], frame=11, engines=ENGINES)  # the last: an earlier one needs no whole Trace
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("work", [_build, _lock, _verify, _shot])
 def test_every_command_replaces_a_bad_trace(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, work: Callable[[DatasetPlan, Path], None]

@@ -127,6 +127,7 @@ def test_a_changed_dataset_is_refused_or_accepted(built: Path, data: st.DataObje
         path.write_bytes(before)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_changed_lockfile_is_refused_or_accepted(

@@ -119,6 +119,7 @@ def test_events_of_trace_plan_and_labels() -> None:
     assert [int(row["frame"]) for row in found] == sorted(int(row["frame"]) for row in found)
 
 
+@pytest.mark.slow
 def test_tracks_begin_and_end_with_the_labels(tmp_path: Path) -> None:
     made = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
     folder = made / "weather=w0,jitter=still"

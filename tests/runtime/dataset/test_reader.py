@@ -80,6 +80,7 @@ def test_what_was_built_is_whole(built: Path) -> None:
     assert is_whole(manifest_of(built), PLAN, built)
 
 
+@pytest.mark.slow
 def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Labels of all videos must not be kept, or memory grows without bound with an untrusted dataset's frames."""
     opened, original = list[str](), datasets.labels
@@ -384,6 +385,7 @@ def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> 
         assert not runs_fill(code, pixels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", ["1" * (1 << 24), "p" * (1 << 24), "1o" * (1 << 23), "oooooo1" * (1 << 21)])
 def test_codes_of_large_pictures_are_checked_quickly(code: str) -> None:
     before = time.process_time()

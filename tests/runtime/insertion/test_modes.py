@@ -88,6 +88,7 @@ def shown(scene: Scenario, frame: int, sensor: str) -> NDArray[np.uint8]:
     return source.patch_map(source.observe(plan, frame), scene.plan.appearance, frame)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["street", "bent"])
 def test_all_modes_lie_on_the_same_pixels(scenes: dict[str, Scenario], sensor: str) -> None:
     """Insertion changes only pixels of the placeholder's mask: neither occluders nor the surroundings."""
@@ -141,6 +142,7 @@ def test_digital_is_a_perspective_warp(
     assert gap.max() <= largest and gap.mean() <= mean, (gap.max(), gap.mean())
 
 
+@pytest.mark.slow
 def test_the_same_bytes_in_shot_build_and_verification(recipe: Path, scenes: dict[str, Scenario]) -> None:
     plan, engines = opened(recipe)
     plan = plan.model_copy(update={"variants": plan.variants[2:], "annotations": ()})
@@ -196,6 +198,7 @@ def test_what_is_not_inserted_costs_nothing(mode: str, calls: int) -> None:
     assert (picture is renderer.still) == (calls == 1)
 
 
+@pytest.mark.slow
 def test_methods_are_part_of_the_appearance_only_in_their_mode(recipe: Path) -> None:
     plans = {v.variant: v.appearance for v in compile_recipe(recipe).plan.variants}
     assert [p.transfer for p in plans["mode=color_transfer"].patches] == ["dapricot", "reap"]

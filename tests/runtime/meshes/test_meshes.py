@@ -132,6 +132,7 @@ def test_vehicles_carry_headlights() -> None:
     assert all(light.direction[0] > 0.9 and light.position[0] > 2 for light in chassis.lights)
 
 
+@pytest.mark.slow
 def test_town() -> None:
     assert [body.name for body in bodies_of_town()] == [e.name for e in TOWN.plan.elements]
     for body in bodies_of_town():

@@ -44,6 +44,7 @@ def drawn() -> list[int]:
     return list(map(int, out.numpy()))
 
 
+@pytest.mark.slow
 def test_the_first_compilation_says_that_it_takes_a_while(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -161,6 +162,7 @@ def test_a_list_that_cannot_be_written_stops_nothing(module: Path, monkeypatch: 
     assert not compiled.is_whole(module)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_change_of_a_byte_goes_unnoticed(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
@@ -221,6 +223,7 @@ def test_a_process_that_is_stopped_while_it_compiles_is_not_waited_for_forever(
         pass  # both are inside
 
 
+@pytest.mark.slow
 def test_the_notice_goes_to_standard_error_alone(tmp_path: Path) -> None:
     code = "import logging; from recipe_runtime.render.device import compiled; from pathlib import Path\n"
     code += f"compiled._discard(Path({str(tmp_path)!r}) / 'kernels' / '0.1.0-x86_64' / '1.19.0' / 'wp_a_0000000')"

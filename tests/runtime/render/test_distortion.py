@@ -179,6 +179,7 @@ def test_a_bent_dataset_passes_the_validator(tmp_path: Path) -> None:
     assert problems(tmp_path / "out" / "annotations" / "kwcoco.json") == []
 
 
+@pytest.mark.slow
 def test_what_a_renderer_remembers_does_not_matter_to_a_bend() -> None:
     """A bent frame alone is the frame of the sequence, whatever the renderer remembers."""
     running, plan = Renderer(street()), appearance(looks=LOOKS)

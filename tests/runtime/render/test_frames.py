@@ -66,6 +66,7 @@ def test_order_of_appearances_and_caches_changes_nothing() -> None:
     assert len(set(first.values())) == len(names)
 
 
+@pytest.mark.slow
 def test_what_a_static_camera_remembers_changes_nothing() -> None:
     """The walker and the car pass; lamps, shadows and puddles are theirs as if no frame had come before."""
     keeping, forgetting = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
@@ -74,6 +75,7 @@ def test_what_a_static_camera_remembers_changes_nothing() -> None:
             assert picture(keeping, frame, weather) == picture(forgetting, frame, weather)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [field.name for field in fields(TemporalReuse)])
 def test_each_level_of_reuse_may_be_off_and_changes_nothing(level: str) -> None:
     """The benchmark of the levels compares like with like; the others work without the level."""

@@ -161,6 +161,23 @@ def test_reuse_follows_a_shadow_that_moves_over_a_wall() -> None:
     assert (pictures[1] != pictures[4]).mean() > 0.05
 
 
+def test_the_kept_light_of_a_static_lamp_follows_what_moves() -> None:
+    """A moving lamp makes every sample be shaded; the sum for the static lamp is kept: bytes equal fresh frames'."""
+    beam = Light((-2.0, 2.0, 1.0), (1.0, 0.0, 0.0), (1.0, 0.9, 0.8), 300.0, 0.5)
+    bodies = [*room(), Body("cart", 12003, (("base", box([-2.2, 1.8, 0.5], [-2.05, 2.2, 0.9], PAINT, (beam,))),))]
+    keeping, forgetting = Renderer(bodies), Renderer(bodies, reuse=NO_REUSE)
+    pictures = []
+    moves = (60, 0.0), (60, 0.1), (0, 0.2), (0.1, 0.2), (60, 0.3), (60, 0.4), (0, 0.5)
+    for frame, (caster, cart) in enumerate(moves):
+        parts = np.stack([from_pose(Pose(y=caster)), from_pose(Pose(y=cart))])
+        kept, alone = (
+            r.shade(r.observe(VIEW, VIEWER, parts), NIGHT, "street", frame, frame / 30) for r in (keeping, forgetting)
+        )
+        np.testing.assert_array_equal(kept, alone)
+        pictures.append(kept)
+    assert (pictures[1] != pictures[2]).mean() > 0.05
+
+
 def test_a_frame_stream_has_the_renderers_bytes_at_night() -> None:
     """Recorded frames reuse the maps of earlier frames, by night and by day at the same time."""
     looks = [WEATHERS["night"], WEATHERS["noon"]]

@@ -88,6 +88,7 @@ def far_contrast(weather: AppearancePlan) -> float:
     return (light - dark) / (light + dark)
 
 
+@pytest.mark.slow
 def test_sun_azimuth_turns_shadows() -> None:
     pole = scene(("pole", box([-0.1, -0.1, 0], [0.1, 0.1, 2.0], GREY)))
     camera = CameraPlan(width=240, height=240, fov=60)
@@ -102,6 +103,7 @@ def test_sun_azimuth_turns_shadows() -> None:
     assert len(set(angles)) == 5
 
 
+@pytest.mark.slow
 def test_a_lower_sun_throws_longer_shadows() -> None:
     pole = scene(("pole", box([-0.1, -0.1, 0], [0.1, 0.1, 2.0], GREY)))
     camera = CameraPlan(width=200, height=200, fov=60)
@@ -189,6 +191,7 @@ def _slant(picture: NDArray[np.float64]) -> float:
     return abs(0.5 * exact.atan2_deg(2.0 * cross, across - down))
 
 
+@pytest.mark.slow
 def test_wind_slants_the_rain() -> None:
     wall = scene(("wall", box([40, -60, -1], [41, 60, 60], GREY)))
     camera = CameraPlan(width=320, height=240, fov=40)
@@ -218,10 +221,12 @@ def test_wind_moves_leaves_and_no_label() -> None:
     rises(moved, 0.05)
 
 
+@pytest.mark.slow
 def test_fog_swallows_what_is_far() -> None:
     falls([far_contrast(plain(fog_density=fog)) for fog in (0.0, 25.0, 50.0, 75.0, 100.0)], 0.02)
 
 
+@pytest.mark.slow
 def test_fog_distance_keeps_what_is_near_clear() -> None:
     rises([far_contrast(plain(fog_density=90.0, fog_distance=d)) for d in (0.0, 8.0, 20.0, 44.0)], 0.02)
 

@@ -53,6 +53,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
     return seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
 def test_arrows_show_the_way_that_traffic_goes(name: str, drawn: dict[str, list[Any]]) -> None:
     """A newcomer who guessed a lane's direction met every car head on."""
@@ -79,6 +80,7 @@ def test_arrows_show_the_way_that_traffic_goes(name: str, drawn: dict[str, list[
         assert blue > red + 60, "a spawn point is marked where it is"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
 def test_pedestrians_spawn_on_what_is_drawn_as_pavement(name: str, drawn: dict[str, list[Any]]) -> None:
     town = towns.build(name, 0, {})
@@ -93,6 +95,7 @@ def test_pedestrians_spawn_on_what_is_drawn_as_pavement(name: str, drawn: dict[s
     assert paved > 0.8 * len(points)  # the others are under a tree
 
 
+@pytest.mark.slow
 def test_a_recipes_cast_is_marked_by_name(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
     path = tmp_path / "first.yaml"
     path.write_text(template("first"))
@@ -108,6 +111,7 @@ def test_a_recipes_cast_is_marked_by_name(tmp_path: Path, drawn: dict[str, list[
     }
 
 
+@pytest.mark.slow
 def test_traffic_is_distinguished_by_kind(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
     """Cars, pedestrians and parked cars were one and the same dot."""
     path = tmp_path / "first.yaml"
@@ -148,6 +152,7 @@ def test_the_legend_explains_every_layer(monkeypatch: pytest.MonkeyPatch) -> Non
     assert sum(said.startswith("traffic: ") for said in words) == 2
 
 
+@pytest.mark.slow
 def test_traffic_lights_and_stop_signs_are_shown(drawn: dict[str, list[Any]]) -> None:
     """Drivers obey them, so the map says which junction has which."""
     town = towns.build("downtown", 0, {})
@@ -165,6 +170,7 @@ def run(*arguments: str) -> Result:
     return CliRunner().invoke(command, list(arguments), catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_the_command_draws_a_recipe_or_a_town(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "first.yaml").write_text(template("first"))

@@ -27,6 +27,7 @@ def scene(*actors: ActorPlan, fps: int = 30, frames: int = 30, warmup: float = 0
     return ScenePlan(clock=Clock(fps=fps, frames=frames, physics=physics, warmup=warmup), town=FLAT, actors=actors)
 
 
+@pytest.mark.slow
 def test_frames_only_look() -> None:
     """States at common times are equal bit for bit, though 24 frames a second fall between two control ticks."""
     slow, odd = (
@@ -37,6 +38,7 @@ def test_frames_only_look() -> None:
         assert (getattr(odd, name)[::12] == getattr(slow, name)).all(), name
 
 
+@pytest.mark.slow
 def test_frames_between_control_ticks_move_evenly() -> None:
     trace = simulate(scene(CAR, WALKER, fps=80, frames=161))
     for name in ("car", "walker"):
@@ -45,6 +47,7 @@ def test_frames_between_control_ticks_move_evenly() -> None:
         assert np.abs(np.diff(way)).max() < 0.12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("warmup", "frames"), [(0.0, 1), (0.31, 7)])
 def test_a_longer_clip_begins_with_the_shorter(frames: int, warmup: float) -> None:
     whole = scene(CAR, BICYCLE, WALKER, fps=24, frames=12, warmup=warmup)
@@ -58,6 +61,7 @@ def start(trace: Trace, name: str) -> tuple[list[float], float]:
     return position.tolist(), speed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plan", [CAR, BICYCLE, WALKER])
 def test_held_actors_stand_until_frame_0_and_begin_at_their_speed(plan: ActorPlan) -> None:
     other = actor("other", "vehicle.sedan.a", Pose(x=-60, y=-30), (300, -30))

@@ -206,6 +206,7 @@ def test_rotations_are_unit_and_of_one_sign() -> None:
     assert (meeting().rotations[..., 3] >= 0).all()
 
 
+@pytest.mark.slow
 def test_progress_is_told() -> None:
     heard: list[tuple[int, int]] = []
     simulate(scene(HERO1, frames=3), lambda done, steps: heard.append((done, steps)))
@@ -217,12 +218,14 @@ def test_a_hanging_simulation_is_stopped() -> None:
         simulate(scene(HERO1, frames=300), timeout=0.05)
 
 
+@pytest.mark.slow
 def test_a_failing_simulation_says_why() -> None:
     shapeless = HERO1.model_copy(update={"shape": {}})
     with pytest.raises(RunError, match=r"^the simulation ended with exit code 1: KeyError: 'height'$"):
         simulate(scene(shapeless, frames=2))
 
 
+@pytest.mark.slow
 def test_a_full_folder_for_temporary_files_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(writer: TraceWriter, frame: int, data: bytes) -> None:
         raise OSError(28, "No space left on device")
@@ -259,6 +262,7 @@ def test_a_pedestrian_waits_for_a_car() -> None:
     assert base(trace, "walker")[-1, 0] > 5.5
 
 
+@pytest.mark.slow
 def test_what_has_no_route_stands_still() -> None:
     standing = [plan.model_copy(update={"route": ()}) for plan in (HERO1, CAR)]
     trace = simulate(scene(*standing, frames=30))
@@ -267,10 +271,12 @@ def test_what_has_no_route_stands_still() -> None:
     assert not (trace.rotations[:, bodies] != trace.rotations[0, bodies]).any()
 
 
+@pytest.mark.slow
 def test_an_empty_scene_has_an_empty_trace() -> None:
     assert simulate(scene(frames=3)).positions.shape == (3, 0, 3)
 
 
+@pytest.mark.slow
 def test_a_kerb_is_climbed_and_left() -> None:
     walker = actor("walker", "walker.pedestrian.0003", -4, 0, 0, (4.5, 0), 1.4)
     height = base(simulate(scene(walker, frames=260)), "walker")[:, 2]

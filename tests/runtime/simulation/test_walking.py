@@ -71,6 +71,7 @@ def turns(trace: Trace, name: str) -> Array:
 ZIGZAG: Way = ((-5.0, -12.0), (-5.0, -4.0), (-7.0, -4.0), (-5.0, -9.0), (-5.0, 4.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "most"), [(1.4, 120.0), (3.0, 90.0)])
 def test_turns_and_accelerations_are_those_of_a_person(speed: float, most: float) -> None:
     """It used to turn at 344 degrees a second."""
@@ -83,6 +84,7 @@ def test_turns_and_accelerations_are_those_of_a_person(speed: float, most: float
     assert track(trace, "hero")[-1] == pytest.approx((-5.0, 4.0), abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_pause_is_a_stop_at_its_waypoint_for_its_time() -> None:
     hero = walker("hero", ((-5.0, -8.0), (-5.0, -3.0), (-5.0, 2.0)), pauses=(Pause(waypoint=0, seconds=4.0),))
     trace = moved(hero, seconds=16.0)
@@ -92,6 +94,7 @@ def test_a_pause_is_a_stop_at_its_waypoint_for_its_time() -> None:
     assert track(trace, "hero")[-1] == pytest.approx((-5.0, 2.0), abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_companion_keeps_beside_its_leader_round_corners() -> None:
     way: Way = ((-6.0, -12.0), (-6.0, 0.0), (-4.5, 8.0), (-6.5, 16.0))
     leader = walker("leader", way)
@@ -103,6 +106,7 @@ def test_a_companion_keeps_beside_its_leader_round_corners() -> None:
     assert np.abs(apart[40:] - 0.7).mean() < 0.2
 
 
+@pytest.mark.slow
 def test_a_crowd_on_one_line_passes_without_touching() -> None:
     actors = [walker(f"up{n}", ((-6.0, -14.0 + 2.0 * n), (-6.0, 14.0 + 2.0 * n))) for n in range(4)]
     actors += [walker(f"down{n}", ((-6.0, 10.0 + 2.0 * n), (-6.0, -14.0 - 2.0 * n)), 1.2) for n in range(4)]
@@ -125,6 +129,7 @@ def test_who_meets_at_a_standing_vehicle_gets_round_it() -> None:
     assert track(trace, "hero")[-1] == pytest.approx((-6.0, 8.0), abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [2.0, 4.0])
 def test_who_is_in_a_dead_end_turns_back_and_goes_round(depth: float) -> None:
     """Avoidance turns by at most 135 degrees; in a corner, one stood for good."""

@@ -265,6 +265,7 @@ def test_a_patch_that_no_picture_has_is_refused_with_the_names(dataset: Dataset,
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:
     plain = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
     with pytest.raises(InputError, match="has no picture with a patch"):

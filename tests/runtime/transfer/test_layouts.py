@@ -37,6 +37,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return reader.read(build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["mots", "kitti"])
 def test_exports_are_equal_and_kept(built: Dataset, tmp_path: Path, form: Layout) -> None:
     index = export_layout(built, tmp_path / "a", form, quiet)
@@ -49,6 +50,7 @@ def test_exports_are_equal_and_kept(built: Dataset, tmp_path: Path, form: Layout
     assert not (tmp_path / ".a.export").exists()
 
 
+@pytest.mark.slow
 def test_what_is_there_is_not_replaced_unasked(built: Dataset, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="inside"):
         export_layout(built, built.root / "exports" / "mots", "mots", quiet)
@@ -64,6 +66,7 @@ def test_what_is_there_is_not_replaced_unasked(built: Dataset, tmp_path: Path) -
     assert (out / "training" / "mine.txt").read_text() == "a note"
 
 
+@pytest.mark.slow
 def test_damaged_files_are_not_exported(tmp_path: Path) -> None:
     made = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
     picture = made / "weather=w0,jitter=still" / "street" / "rgb" / "000003.png"

@@ -148,6 +148,7 @@ def test_a_folder_that_no_export_made_is_not_cleared(built: Dataset, tmp_path: P
     assert (folder / "backup.tar").read_text() == "precious"
 
 
+@pytest.mark.slow
 def test_what_a_killed_export_left_is_cleared(built: Dataset, tmp_path: Path) -> None:
     def die(stage: str, done: int, total: int) -> None:
         left.append([(p.name, p.read_bytes()) for p in sorted((tmp_path / ".out.export").iterdir())])
@@ -161,6 +162,7 @@ def test_what_a_killed_export_left_is_cleared(built: Dataset, tmp_path: Path) ->
     assert not list(tmp_path.glob(".again*"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forgery", ["bytes", "folder", "name", "type", "link", "device", "text", "many"])
 def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_path: Path, forgery: str) -> None:
     out, precious = tmp_path / "out", tmp_path / "precious"
@@ -234,6 +236,7 @@ def test_a_marker_that_is_a_link_is_not_followed(built: Dataset, tmp_path: Path)
     assert (tmp_path / "mine").stat().st_mtime == 1
 
 
+@pytest.mark.slow
 def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> None:
     copy = tmp_path / "elsewhere" / "copy"
     shutil.copytree(built.root, copy)

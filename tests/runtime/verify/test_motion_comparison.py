@@ -212,6 +212,7 @@ def test_a_dataset_of_other_motion_is_inconclusive(built: Path) -> None:
     assert any(d.path == "weather=w0,jitter=still/tracks.csv" and d.excuse for d in report.differences)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracks", ["another host's", "this host's"])
 def test_a_dataset_is_excused_by_its_tracks(tmp_path: Path, tracks: str) -> None:
     """A manifest has no rows of bodies: whether a dataset shows other motion at all is for its tracks to say."""

@@ -424,6 +424,7 @@ def test_a_removed_picture_is_missed_though_the_manifest_forgot_it(built: Path, 
     assert any(path in d.message for d in check_folder(root).differences)
 
 
+@pytest.mark.slow
 def test_a_text_of_another_release_is_inconclusive(built: Path, tmp_path: Path) -> None:
     """The card's words may change from release to release; a dataset of another one is not called forged for it."""
     root = tmp_path / "tiny"

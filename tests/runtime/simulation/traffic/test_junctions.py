@@ -118,6 +118,7 @@ def test_the_priority_road_goes_first_and_does_not_brake() -> None:
     assert _gone(world["side"]) and not world.overlaps
 
 
+@pytest.mark.slow
 def test_nobody_waits_forever_beside_a_priority_road() -> None:
     """The starvation bound: an endless column of priority traffic lets one in."""
     column = [_vehicle(f"main.{n}", North, North, 10.0 + 17.0 * n, speed=7.0) for n in range(11)]

@@ -33,6 +33,7 @@ def _check(name: str, count: int, seconds: float, seed: int) -> None:
     assert hard < 0.002 * len(means) * count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
 def test_traffic_flows_for_a_while(name: str) -> None:
     _check(name, 12, 40.0, 1)
@@ -47,6 +48,7 @@ print([(b.x.hex(), b.y.hex(), b.speed.hex()) for b in world.bodies])
 """
 
 
+@pytest.mark.slow
 def test_a_run_does_not_depend_on_the_hash_seed() -> None:
     runs = [
         subprocess.run(
