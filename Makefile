@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-gpu fuzz bench bench-long bench-estimates presets paper lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets paper attack-study lock verify golden requirements clean test-ray bench-ray
 
 # The tests start some hundred processes: with compiled modules kept, each starts half a second earlier.
 unexport PYTHONDONTWRITEBYTECODE
@@ -59,7 +59,7 @@ python-fits:
 	  exit 2; fi
 
 test-quick: install-dev  ## the tests that take under a fifth of a second of CPU each, of every package
-	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval"
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval and not detector"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
@@ -84,6 +84,10 @@ test-ray: install-dev  ## the same bytes from a Ray cluster of two nodes, one of
 test-torch: install-dev  ## PyTorch's dataset, `SceneView` and ART's attack, with PyTorch (CPU build where there is one) and ART installed for it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'adversarial-robustness-toolbox==1.20.1'
 	$(BIN)/python -m pytest -q -m torch
+
+test-detector: install-dev  ## the detector of the study of attacks, beside TensorFlow Lite's outputs; both are installed for it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0' 'ai-edge-litert==2.3.0'
+	$(BIN)/python -m pytest -q -m detector
 
 test-trackeval: install-dev  ## TrackEval's scores of the exported layouts, without its plots and pictures
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'trackeval==1.3.0' 'tabulate==0.10.0'
@@ -117,6 +121,10 @@ paper: install-dev  ## measure the paper's studies and renew its tables and pict
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'opencv-python-headless==5.0.0.93'
 	$(BIN)/python -m benchmarks.paper
 	$(BIN)/python -m benchmarks.insertion
+
+attack-study: install-dev  ## attack a detector trained on photographs, and write the tables of docs/attack-study.md; PyTorch is installed for it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
+	$(BIN)/python -m examples.attacks.study --page docs/attack-study.md
 
 verify: install  ## re-render sample frames and compare them with the lockfiles
 	$(BIN)/recipe verify $(LOCKED)

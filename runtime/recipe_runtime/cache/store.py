@@ -28,7 +28,7 @@ from recipe_runtime.core.trace import ContactEvent, Trace
 from recipe_runtime.core.versions import simulator_identity
 
 FORMAT = "recipe/store/2"
-KINDS = ("built", "contacts", "pixels", "shards", "traces")
+KINDS = ("built", "contacts", "downloads", "pixels", "shards", "traces")
 """All kinds of entries; other files in a cache folder do not belong to this project."""
 _LONGEST_HEADER = 400
 

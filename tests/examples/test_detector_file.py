@@ -1,0 +1,77 @@
+"""The detector's file is checked before it is used or kept."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import tarfile
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.ir.errors import RunError
+from recipe_runtime.cache.store import Store
+
+from examples.attacks import detector_file as module
+
+MODEL = b"a model" * 9
+
+
+def package(model: bytes) -> bytes:
+    content, packed = b"=" * 184 + model, io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w:gz") as archive:
+        member = tarfile.TarInfo("package/objectron_solution_packed_assets.data")
+        member.size = len(content)
+        archive.addfile(member, io.BytesIO(content))
+    return packed.getvalue()
+
+
+@pytest.fixture
+def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A registry that sends a small package; returns the addresses that were fetched."""
+    body, fetched = package(MODEL), []
+
+    def urlopen(url: str, timeout: float) -> Any:
+        fetched.append(url)
+        return io.BytesIO(body)
+
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path))
+    monkeypatch.setenv("npm_config_registry", "https://registry.example/npm/")
+    monkeypatch.setattr(urllib.request, "urlopen", urlopen)
+    monkeypatch.setattr(module, "PACKAGE_SHA256", hashlib.sha256(body).hexdigest())
+    monkeypatch.setattr(module, "MODEL_SHA256", hashlib.sha256(MODEL).hexdigest())
+    return fetched
+
+
+def test_it_is_fetched_once(registry: list[str]) -> None:
+    assert [module.detector_file(), module.detector_file()] == [MODEL, MODEL]
+    version = "0.4.1675468480"
+    assert registry == [f"https://registry.example/npm/@mediapipe/objectron/-/objectron-{version}.tgz"]
+
+
+def test_a_damaged_file_in_the_cache_is_fetched_again(registry: list[str]) -> None:
+    module.detector_file()
+    kept = Store().path("downloads", module.MODEL_SHA256)
+    kept.write_bytes(kept.read_bytes()[:-1])
+    assert module.detector_file() == MODEL and len(registry) == 2
+    assert module.detector_file() == MODEL and len(registry) == 2
+
+
+@pytest.mark.parametrize("constant", ["PACKAGE_SHA256", "MODEL_SHA256"])
+def test_other_bytes_are_refused_and_not_kept(
+    constant: str, registry: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, constant, "0" * 64)
+    with pytest.raises(RunError, match="not 0000"):
+        module.detector_file()
+    assert not list(tmp_path.rglob("downloads"))
+
+
+def test_no_answer_is_the_hosts_failure(registry: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def unreachable(url: str, timeout: float) -> Any:
+        raise OSError("no route")
+
+    monkeypatch.setattr(urllib.request, "urlopen", unreachable)
+    with pytest.raises(RunError, match="no route; try again later"):
+        module.detector_file()

@@ -1,0 +1,103 @@
+"""The digital and the false gradient's view, against the renderer's. `make test-torch`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.compiler.modelling import png
+
+pytestmark = pytest.mark.torch
+torch = pytest.importorskip("torch")
+
+RECIPE = """
+recipe: inserted
+seed: 3
+base:
+  clock: {fps: 10, frames: 2}
+  town: {name: downtown, blocks: [1, 1]}
+  patches:
+    poster: {on: {town: wall.1, size: {width: 3, height: 2}}, texture: {image: texture.png}}
+  sensors:
+    street:
+      mount: {x: -5, y: 2, z: 1.6, yaw: 165}
+      camera: {width: 96, height: 64, fov: 70}
+      capture: [rgb]
+deltas:
+  insertion: {rendered: {}, digital: {patches: {poster: {mode: digital}}}}
+"""
+PLACES = [("insertion=rendered", 1), ("insertion=rendered", 0)]
+
+
+def image() -> NDArray[np.uint8]:
+    return np.random.default_rng(3).integers(40, 200, (8, 12, 3)).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("views")
+    (folder / "texture.png").write_bytes(png(image()))
+    path = folder / "inserted.yaml"
+    path.write_text(RECIPE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def texture() -> Any:
+    return torch.tensor(image().transpose(2, 0, 1)[None] / 255, dtype=torch.float32)
+
+
+@pytest.fixture(scope="module")
+def digital(recipe: Path) -> Any:
+    import recipe_runtime
+
+    from examples.attacks.views import DigitalView
+
+    return DigitalView({"insertion=rendered": recipe_runtime.open(recipe, "insertion=rendered")}, "poster", PLACES)
+
+
+def test_a_warped_texture_is_the_digital_mode_of_recipes(recipe: Path, digital: Any, texture: Any) -> None:
+    """Within a level, on the pixels that show the patch: the texture is magnified there, so it is not reduced first."""
+    import recipe_runtime
+
+    from examples.attacks.views import patch_record
+
+    scene = recipe_runtime.open(recipe, "insertion=digital")
+    for (_, frame), picture in zip(PLACES, digital.pictures(texture), strict=True):
+        expected = np.asarray(scene.render(frame), np.float64)
+        found = picture.numpy().transpose(1, 2, 0) * 255
+        area = patch_record(scene, "poster", frame)["area"]
+        other = np.asarray(recipe_runtime.open(recipe, "insertion=rendered").render(frame))
+        changed = (np.round(found) != other).any(axis=2)
+        assert area * 0.9 < changed.sum() <= area
+        assert np.abs(found - expected)[changed].max() <= 1
+
+
+def test_a_false_gradient_has_rendered_pictures_and_the_gradient_of_the_warp(
+    recipe: Path, digital: Any, texture: Any
+) -> None:
+    from recipe_runtime.torch import SceneView
+
+    from examples.attacks.views import FalseGradientView
+
+    rendered = SceneView(recipe, "poster", PLACES)
+    view = FalseGradientView(rendered, digital)
+    torch.testing.assert_close(view.pictures(texture, 1, 1), rendered.pictures(texture, 1, 1))
+    weights = torch.linspace(-1, 1, 96 * 64 * 3).reshape(1, 3, 64, 96)
+    gradients = []
+    for shown in (view, digital, rendered):
+        variable = texture.clone().requires_grad_()
+        (shown.pictures(variable, 1, 0) * weights).sum().backward()
+        gradients.append(variable.grad)
+    torch.testing.assert_close(gradients[0], gradients[1])
+    assert not torch.allclose(gradients[0], gradients[2], rtol=0.05)
+
+
+def test_batches_are_the_frames_of_a_scene_view(digital: Any, texture: Any) -> None:
+    every = digital.pictures(texture)
+    assert torch.equal(digital.pictures(texture, batch=1, step=1)[0], every[1])
+    assert torch.equal(digital.pictures(texture, batch=2, step=3), every)
