@@ -21,7 +21,7 @@ from examples.attacks.experiment import ATTACKS, Experiment, Outcome, logo, nois
 from examples.attacks.report import draw, tables
 from examples.attacks.results import Results, read, write
 
-SEEDS, STEPS, WORKERS = 3, 30, 2
+SEEDS, STEPS, WORKERS = 5, 40, 2
 COMMAND = "make attack-study"
 
 
