@@ -29,7 +29,7 @@ def test_a_town_lists_its_surfaces_with_sizes_and_places() -> None:
     assert [line.split()[:3] for line in lines[1:]] == [
         ["town", f"wall.{n}", s] for n in (0, 1) for s in ("front", "back")
     ]
-    assert "9.00 x 2.23" in lines[1] and "at x 9.0, y 2.2, towards 180" in lines[1]
+    assert "9.00 x 2.23" in lines[1] and "at x 9.0, y 2.2, facing yaw 180 degrees" in lines[1]
 
 
 def test_every_listed_surface_can_be_named_in_a_recipe(tmp_path: Path) -> None:

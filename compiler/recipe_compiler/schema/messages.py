@@ -246,7 +246,15 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     own = _CARLA.get(str(path[-1]))
     if own in keys:
         return Code.UNKNOWN_KEY, what, f"use {show(own)}, which is CARLA's {path[-1]}"
-    return Code.UNKNOWN_KEY, what, remedies.of_key(str(path[-1]), detail["input"]) or nearest(str(path[-1]), keys)
+    known = remedies.of_key(str(path[-1]), detail["input"])
+    return Code.UNKNOWN_KEY, what, known or _home(detail, model) or nearest(str(path[-1]), keys)
+
+
+def _home(detail: ErrorDetails, model: type[BaseModel]) -> str | None:
+    """The remedy for an unknown key that belongs in a map beside it; None if it belongs in none or in several."""
+    key, around = str(detail["loc"][-1]), _without_markers(detail["loc"][:-1])
+    homes = [field for field in fields_at(model, around) if key in fields_at(model, (*around, field))]
+    return f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}" if len(homes) == 1 else None
 
 
 def _missing(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:

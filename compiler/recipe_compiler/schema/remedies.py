@@ -39,6 +39,8 @@ def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ())
         return _in_list(value)
     if wanted == "a map" and "uniform" in fields and isinstance(value, list) and None not in map(_number_of, value):
         return f"write {{uniform: [{', '.join(f'{item:g}' for item in value)}]}}" if len(value) == 2 else None
+    if key == "texture" and wanted == "a map" and isinstance(value, str):
+        return _texture(value)
     number = _number_of(value)
     if wanted == "a whole number" and number is not None and abs(number) < 1e9:
         return f"write {math.floor(number + 0.5)}, without a fraction"
@@ -100,6 +102,15 @@ def _point(value: list[object], fields: Collection[str]) -> str | None:
     if not 2 <= len(value) <= 3 or not set(axes) <= set(fields) or None in map(_number_of, value):
         return None
     return f"write {{{', '.join(f'{axis}: {number:g}' for axis, number in zip(axes, value, strict=True))}}}"
+
+
+def _texture(value: str) -> str:
+    """The remedy for a texture that is a path or a colour instead of a map."""
+    if re.fullmatch(r"[\w./-]{1,80}\.png", value, re.IGNORECASE):
+        return f"write {{image: {value}}}"
+    if re.fullmatch(r"#[0-9a-fA-F]{6}", value):
+        return f'write {{color: "{value}"}}'
+    return 'write {image: FILE.png}, {frames: FOLDER} or {color: "#rrggbb"}'
 
 
 def _in_list(value: str | dict[str, object]) -> str | None:
