@@ -69,8 +69,15 @@ def test_a_blueprints_texture_map_is_white_where_it_is_painted(tmp_path: Path) -
         inside[box] = True
         assert white[box].mean() > 0.1, island["name"]
     assert not (white & ~inside).any()
-    with pytest.raises(InputError, match="exists already"):
-        run("vehicle.bus.city", "-o", str(tmp_path / "maps"))
+
+
+def test_a_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
+    """The option names a folder, so the remedy does too."""
+    (tmp_path / "vehicle.bus.city.body.png").write_text("precious")
+    remedy = r"choose another folder \(--output\), or replace its files \(--replace\)"
+    with pytest.raises(InputError, match=rf"vehicle\.bus\.city\.body\.png exists already; {remedy}"):
+        run("vehicle.bus.city", "-o", str(tmp_path))
+    assert (tmp_path / "vehicle.bus.city.body.png").read_text() == "precious"
 
 
 @pytest.mark.slow

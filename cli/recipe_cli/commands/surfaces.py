@@ -177,7 +177,7 @@ def _draw(scene: ScenePlan | None, looks: Looks | None, bodies: list[_Body], fol
     maps = {folder / f"{body.name}.{surface.name}.png": (body, surface) for body, surface in mapped}
     pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]
     for path in (*maps, *pages):
-        check_output(path, replace=replace)
+        check_output(path, replace=replace, help="choose another folder (--output), or replace its files (--replace)")
     with writing(folder):
         folder.mkdir(exist_ok=True)
         for path, (body, surface) in maps.items():

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, Problem, split_remedy
-from recipe_compiler.schema import remedies
+from recipe_compiler.schema import remedies, units
 from recipe_compiler.source.yaml_reader import Value, show
 
 Path = tuple[str | int, ...]
@@ -290,7 +290,8 @@ def _wrong_type(kind: str, detail: ErrorDetails, path: Path, model: type[BaseMod
             unquote = word in {"int", "float", "bool"} and isinstance(value, str) and _looks_plain(value)
             within = span if word in {"int", "float"} else ""
             fields = fields_at(model, _without_markers(detail["loc"])) if wanted == "a map" else ()
-            known = remedies.of_value(str(path[-1]), wanted, value, fields)
+            unit = units.unit_of(_description(model, detail["loc"]))
+            known = remedies.of_value(str(path[-1]), wanted, value, fields, unit)
             remedy = "remove the quotes" if unquote else known or _EXAMPLES.get(wanted)
             return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", remedy
     message, remedy = split_remedy(f"{where}: {detail['msg']}")
@@ -322,6 +323,15 @@ def _literals(expected: str) -> list[str]:
 def _hint(model: type[BaseModel], loc: Sequence[str | int]) -> str:
     info = _field_at(model, tuple(loc))
     return f": {_uncapitalised(info.description)}" if info is not None and info.description else ""
+
+
+def _description(model: type[BaseModel], loc: Path) -> str | None:
+    """The description of a field; for an item of a list, that of the list."""
+    keys = _without_markers(loc)
+    while keys and isinstance(keys[-1], int):
+        keys = keys[:-1]
+    info = _field_at(model, keys) if keys else None
+    return info.description if info else None
 
 
 def _uncapitalised(text: str) -> str:
