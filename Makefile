@@ -23,7 +23,7 @@ FITS := import sys; sys.exit(sys.implementation.name != "cpython" or sys.version
 PYTHON ?= $(firstword $(foreach p,python3.11 python3.10 python3 python,$(shell $(p) -c '$(FITS)' 2>/dev/null && command -v $(p))))
 
 help:  ## list the targets
-	@grep -hE '^[a-z-]+:.*?## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+	@grep -hE '^[a-z-]+:.*?## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
 
 demo: install  ## install, then build recipes/weather_sweep.yaml into datasets/
 	$(BIN)/recipe build recipes/weather_sweep.yaml

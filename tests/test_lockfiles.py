@@ -14,7 +14,6 @@ from recipe_runtime.verify.compare import compare_plans, compare_rows
 from tests.sources import ROOT
 
 LOCKFILES = sorted((ROOT / "lockfiles").glob("*.lock"))
-PENDING = [ROOT / "recipes" / folder for folder in ("paper", "attacks")]  # remove it with the commit of their lockfiles
 
 
 def commands(target: str) -> list[list[str]]:
@@ -50,7 +49,7 @@ def test_studies_and_attacks_are_locked(locked: list[Path]) -> None:
 def test_every_locked_recipe_has_a_lockfile_and_no_other_has(locked: list[Path]) -> None:
     names = {path.stem for path in LOCKFILES}
     assert names <= {path.stem for path in locked}
-    missing = [path for path in locked if path.stem not in names and path.parent not in PENDING]
+    missing = [path for path in locked if path.stem not in names]
     assert not missing, "run `make lock`"
 
 

@@ -72,10 +72,17 @@ DEVICE = click.option(
     shell_complete=completion.devices,
     help="Where frames are rendered: cpu, cuda (every GPU here) or cuda:N.",
 )
-REPLACE = click.option("--replace", is_flag=True, help="Overwrite existing output of another recipe.")
 WORKERS = click.option(
     "--workers", type=click.IntRange(1, 256), default=None, help="Worker processes; one a CPU core by default."
 )
+
+
+def replace_option(help: str) -> Callable[[Command], Command]:
+    """Return the option `--replace` of a command that replaces other things than single files."""
+    return click.option("--replace", is_flag=True, help=help)
+
+
+REPLACE = replace_option("Overwrite files that exist.")
 
 
 def output_option(

@@ -229,8 +229,8 @@ class Scenario(Sequence[Frame]):
             sensor: Name of a sensor, the first by default.
             modality: A modality that the sensor captures.
             textures: Images to show on patches in place of the recipe's, by the patch's name: arrays [h, w, 3] or
-                tensors [3, h, w], uint8 or 0 to 1 (rounded to 8 bits). The frame equals that of a recipe with these
-                images. Later calls for the same frame shade only the pixels of patches.
+                tensors [3, h, w], of any size, uint8 or 0 to 1 (rounded to 8 bits). The frame equals that of a recipe
+                with these images. Later calls for the same frame shade only the pixels of patches.
 
         Returns:
             A new array. rgb: uint8 [H, W, 3], sRGB. depth: float32 [H, W], metres along the optical axis. instance:
@@ -238,7 +238,7 @@ class Scenario(Sequence[Frame]):
 
         Raises:
             InputError: There is no such sensor, it does not capture the modality or take the frame, there is no such
-                patch, or a texture is not an image.
+                patch, or a texture is not an image or has floats outside 0 to 1.
             IndexError: There is no such frame.
         """
         plan = self._sensor(sensor)

@@ -1,6 +1,6 @@
 """PyTorch: a dataset that renders a recipe on demand, and frames as a differentiable function of a patch's texture.
 
-Requires `torch`.
+Requires `torch`: without it, the import of this module raises InputError.
 
     from torch.utils.data import DataLoader
     from recipe_runtime.torch import RecipeDataset
@@ -24,11 +24,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import DatasetPlan
-from torch.utils.data import Dataset
 
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.attacks.inserted_view import InsertedView
@@ -36,6 +34,16 @@ from recipe_runtime.attacks.patch_view import PatchView
 from recipe_runtime.attacks.textures import as_array, as_image, differentiable_patch
 from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
+
+try:
+    import torch
+    from torch.utils.data import Dataset
+except ModuleNotFoundError as error:
+    if error.name != "torch":  # torch is installed, and lacks a library itself
+        raise
+    raise InputError(
+        "PyTorch is not installed", help="install it: pip install 'torch>=2.6'", code=Code.MISSING_LIBRARY
+    ) from None
 
 Sample = dict[str, Any]
 
@@ -212,7 +220,7 @@ class SceneView(torch.nn.Module):
         """Return pictures of the texture.
 
         Args:
-            texture: sRGB, 0 to 1, [1, 3, h, w].
+            texture: sRGB, 0 to 1, [1, 3, h, w]; values outside are clipped, and have no gradient.
             batch: Number of frames to render; all by default.
             step: The first frame is `step * batch`, modulo the number of frames.
 
@@ -252,8 +260,9 @@ class _Pictures(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, texture: torch.Tensor, views: list[View], quantise: bool) -> torch.Tensor:
-        values = as_array(views[0].patch, texture).astype(np.float64)
-        ctx.views, ctx.values, ctx.texture = views, values, texture
+        given = as_array(views[0].patch, texture).astype(np.float64)
+        values = np.clip(given, 0.0, 1.0)
+        ctx.views, ctx.values, ctx.texture, ctx.clipped = views, values, texture, values != given
         if quantise:
             image = as_image(views[0].patch, values)
             pictures = [view.render(image) / np.float32(255.0) for view in views]
@@ -268,6 +277,7 @@ class _Pictures(torch.autograd.Function):
         total = np.zeros(ctx.values.shape)
         for view, gradient in zip(ctx.views, pictures, strict=True):
             total = total + view.backward(ctx.values, gradient)
+        total = np.where(ctx.clipped, 0.0, total)
         found = torch.from_numpy(np.ascontiguousarray(total.transpose(2, 0, 1)))
         return found.reshape(ctx.texture.shape).to(dtype=ctx.texture.dtype, device=ctx.texture.device), None, None
 

@@ -233,7 +233,7 @@ def test_verdicts_have_their_colours(
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.delenv("NO_COLOR", raising=False)
     report: Any = SimpleNamespace(
-        verdict=verdict, stage="", identity="i", differences=(), notes=(), pictures=(), extent="e", nonce=1
+        verdict=verdict, stage="", identity="i", differences=(), notes=(), pictures=(), extent="e", nonce=1, files=None
     )
     verify._say(Path("r.yaml"), report)
     assert capsys.readouterr().out.startswith(f"\x1b[{code}m\x1b[1m{verdict}\x1b[0m  r.yaml\n")

@@ -32,3 +32,20 @@ def test_a_folder_that_is_no_dataset_has_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         reader.read(tmp_path)
     assert caught.value.problems[0].help == "name a folder that `recipe build` made, such as datasets/NAME"
+
+
+@pytest.mark.parametrize(
+    ("name", "help"),
+    [
+        ("build", "Replace the dataset of another recipe, finished or not."),
+        ("lock", "Replace the lockfile of another recipe, or a file that is not a lockfile."),
+        ("export", "Replace another export, but no other folder."),
+        ("shot", "Overwrite files that exist."),
+        ("surfaces", "Overwrite files that exist."),
+    ],
+)
+def test_replace_says_what_the_command_replaces(name: str, help: str) -> None:
+    command = main.recipe.get_command(click.Context(main.recipe), name)
+    assert command is not None
+    (option,) = [parameter for parameter in command.params if parameter.name == "replace"]
+    assert isinstance(option, click.Option) and option.help == help

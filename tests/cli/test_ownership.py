@@ -384,7 +384,12 @@ def test_no_command_writes_over_a_file_that_is_there(recipe: Run, tmp_path: Path
         (blueprints.command, ["vehicle.bicycle.b", "--pictures", "f"]),
     )
     for command, arguments in cases:
-        with pytest.raises(InputError, match=r"exists already; choose another file, or replace it"):
+        remedy = (
+            r"choose another folder \(--pictures\), or replace its files \(--replace\)"
+            if command is blueprints.command
+            else r"choose another file, or replace it"
+        )
+        with pytest.raises(InputError, match=rf"exists already; {remedy}$"):
             CliRunner().invoke(command, arguments, catch_exceptions=False)
     assert {path.read_text() for path in precious.values()} == {"precious"}
     assert not Path("f/vehicle.bicycle.b.png").exists()
@@ -421,3 +426,40 @@ def test_an_unfinished_build_of_another_recipe_is_not_discarded_unasked(
     ):
         recipe("build", "b.yaml", "--out", "X")
     assert "10 resumed from the stopped build" in recipe("build", "a.yaml", "--out", "X").stdout
+
+
+def test_a_file_where_a_parent_folder_is_wanted_is_in_the_way(recipe: Run) -> None:
+    write("a.yaml", RECIPE)
+    write("afile", "")
+    for output in ("afile/sub", "afile/deep/sub"):
+        with pytest.raises(InputError, match=r"/afile is a file; choose another folder") as caught:
+            recipe("build", "a.yaml", "-o", output)
+        assert caught.value.problems[0].code is Code.OUTPUT_IN_THE_WAY
+
+
+def test_the_folder_that_is_suggested_beside_a_dataset_is_free(recipe: Run) -> None:
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml").exit_code == 0
+    with pytest.raises(InputError, match=r"such as \S*/datasets/sub$"):
+        recipe("build", "a.yaml", "-o", "datasets/small/sub")
+    Path("datasets/sub").mkdir()
+    with pytest.raises(InputError, match=r"such as \S*/datasets/sub-again$"):
+        recipe("build", "a.yaml", "-o", "datasets/small/sub")
+
+
+def test_diff_suggests_no_update_of_the_lockfile_of_another_recipe(recipe: Run) -> None:
+    """`recipe lock --update` with the second recipe would replace the first one's lockfile."""
+    write("a.yaml", RECIPE)
+    write("b.yaml", OTHER_PLAN)
+    assert recipe("lock", "a.yaml").exit_code == 0
+    found = recipe("diff", "a.yaml", "b.yaml")
+    assert "lockfiles/small.lock is the lockfile of" in found.stderr and "--update" not in found.stderr
+    write("a.yaml", OTHER_PLAN.replace("WetNoon", "SoftRainNoon"))
+    assert "`recipe lock --update` updates it" in recipe("diff", "a.yaml", "b.yaml").stderr
+
+
+def test_an_integrity_check_prints_no_nonce(recipe: Run) -> None:
+    """It samples nothing."""
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml").exit_code == 0
+    assert "nonce" not in recipe("verify", "datasets/small", "--integrity").stdout

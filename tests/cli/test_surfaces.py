@@ -29,7 +29,7 @@ def test_a_town_lists_its_surfaces_with_sizes_and_places() -> None:
     assert [line.split()[:3] for line in lines[1:]] == [
         ["town", f"wall.{n}", s] for n in (0, 1) for s in ("front", "back")
     ]
-    assert "9.00 x 2.23" in lines[1] and "at x 9.0, y 2.2, towards 180" in lines[1]
+    assert "9.00 x 2.23" in lines[1] and "at x 9.0, y 2.2, facing yaw 180 degrees" in lines[1]
 
 
 def test_every_listed_surface_can_be_named_in_a_recipe(tmp_path: Path) -> None:
@@ -69,8 +69,15 @@ def test_a_blueprints_texture_map_is_white_where_it_is_painted(tmp_path: Path) -
         inside[box] = True
         assert white[box].mean() > 0.1, island["name"]
     assert not (white & ~inside).any()
-    with pytest.raises(InputError, match="exists already"):
-        run("vehicle.bus.city", "-o", str(tmp_path / "maps"))
+
+
+def test_a_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
+    """The option names a folder, so the remedy does too."""
+    (tmp_path / "vehicle.bus.city.body.png").write_text("precious")
+    remedy = r"choose another folder \(--output\), or replace its files \(--replace\)"
+    with pytest.raises(InputError, match=rf"vehicle\.bus\.city\.body\.png exists already; {remedy}"):
+        run("vehicle.bus.city", "-o", str(tmp_path))
+    assert (tmp_path / "vehicle.bus.city.body.png").read_text() == "precious"
 
 
 @pytest.mark.slow

@@ -204,3 +204,46 @@ def test_a_distribution_in_brackets_and_a_base_in_a_delta_have_remedies(tmp_path
     assert [problem.help for problem in wrong(tmp_path, nested)] == [
         "remove it: a delta starts with the keys of the base"
     ]
+
+
+@pytest.mark.parametrize(
+    ("mount", "help"),
+    [
+        ({"z": "180cm"}, "write 1.8: the unit is metres"),
+        ({"z": "1800 mm"}, "write 1.8: the unit is metres"),
+        ({"z": "0.002km"}, "write 2: the unit is metres"),
+        ({"z": "6ft"}, "write 1.829: the unit is metres"),
+        ({"z": "0.001mm"}, "write 1e-06: the unit is metres"),  # not 0
+        ({"z": "1.8m"}, "write 1.8, without the unit"),
+        ({"z": "3 parsec"}, "write it in metres, without the unit"),
+        ({"yaw": "1.25rad"}, "write 71.62: the unit is degrees"),
+        ({"yaw": "-90°"}, "write -90, without the unit"),
+        ({"yaw": "2m"}, "write it in degrees, without the unit"),
+    ],
+)
+def test_a_value_with_a_unit_is_converted_to_that_of_the_field(
+    tmp_path: Path, mount: dict[str, str], help: str
+) -> None:
+    """180 for 180 cm would be a camera above the roofs."""
+    recipe = small()
+    recipe["base"]["sensors"]["street"]["mount"] |= mount
+    (problem,) = wrong(tmp_path, recipe)
+    assert problem.help == help
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "text", "help"),
+    [
+        ("clock", "warmup", "500ms", "write 0.5: the unit is seconds"),
+        ("clock", "frames", "3s", "write a number without a unit"),
+        ("clock", "fps", "30 fps", "write 30, without the unit"),
+        ("weather", "cloudiness", "40%", "write 40, without the unit"),
+        ("weather", "fog_distance", "1.5 km", "write 1500: the unit is metres"),
+    ],
+)
+def test_fields_of_other_units(tmp_path: Path, section: str, key: str, text: str, help: str) -> None:
+    recipe = small()
+    held = recipe["base"].get(section)
+    recipe["base"][section] = {**(held if isinstance(held, dict) else {}), key: text}
+    (problem,) = wrong(tmp_path, recipe)
+    assert problem.help == help

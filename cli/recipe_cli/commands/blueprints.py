@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def command(pattern: str, pictures: Path | None, replace: bool, as_json: bool) -> None:
     """List the blueprints whose id matches PATTERN, a glob such as `vehicle.*`; all of them by default.
 
-    `dashcam` is a mount on the vehicle, in metres, that sees the road ahead: `mount: {on: car, x: 1.2, z: 1.25}`.
+    `dashcam` is a mount on the vehicle, in metres, that sees the road ahead: `mount: {on: car, x: 1.15, z: 1.3}`.
     """
     found = _matching(pattern)
     if not as_json:
@@ -99,7 +99,7 @@ def _draw(found: tuple[Blueprint, ...], folder: Path, replace: bool) -> None:
 
     drawn = []
     for path in (*(folder / f"{blueprint.id}.png" for blueprint in found), folder / "blueprints.jpg"):
-        check_output(path, replace=replace)
+        check_output(path, replace=replace, help="choose another folder (--pictures), or replace its files (--replace)")
     with writing(folder), Progress() as progress:
         folder.mkdir(exist_ok=True)
         for number, blueprint in enumerate(found):

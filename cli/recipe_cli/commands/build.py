@@ -18,12 +18,12 @@ from recipe_cli.arguments import (
     DEVICE,
     JSON,
     RECIPES,
-    REPLACE,
     WORKERS,
     LocalPath,
     compile_quietly,
     engines_for,
     output_option,
+    replace_option,
     shown,
     unpacks,
     worker_count,
@@ -109,7 +109,7 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
     help="Distribute the work on a Ray cluster: at ADDRESS, or started on this host.",
 )
 @click.option("--repair", is_flag=True, help="Hash every file of the existing dataset, and rebuild damaged ones.")
-@REPLACE
+@replace_option("Replace the dataset of another recipe, finished or not.")
 @click.option("--explain", is_flag=True, help="Print why each stage runs or is skipped.")
 @DEVICE
 @WORKERS

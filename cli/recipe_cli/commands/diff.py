@@ -74,5 +74,8 @@ def _side(path: Path, allow_large: bool) -> Side:
             lock = lockfile.read(found)
             if lock.plan == compiled.plan.digest:
                 return Side(str(path), replace(lock, files=compiled.files), compiled.plan)
+            other = lock.other_recipe(found, recipe, compiled.plan.digest)
             note = f"{found} is not what {path} compiles to now, and was ignored; `recipe lock --update` updates it"
+            if other is not None:  # an update would replace that recipe's lockfile
+                note = f"{found} is the lockfile of {other}, a recipe of the same name, and was ignored"
         return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan, note=note)

@@ -19,7 +19,8 @@ _COLOURS = {"equal": "green", "differs": "red", "may differ": "yellow"}
 def command(as_json: bool) -> None:
     """Report the host's fingerprint, build a golden recipe, and report which promises hold here.
 
-    Exit code 0: nothing differs that must not; 1: something does, or the self-test could not be run (tier A: no).
+    The promises are the tiers of docs/determinism.md; tier A is equal bytes. Exit code 0: nothing differs that must
+    not; 1: something does, or the self-test could not be run (tier A: no).
     """
     from recipe_runtime.verify.self_test import STAGES, examine
 

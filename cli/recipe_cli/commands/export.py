@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 import click
 from recipe_compiler.ir.plurals import count
 
-from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
+from recipe_cli.arguments import JSON, LocalPath, output_option, replace_option
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
 
@@ -38,7 +38,7 @@ _MAX_SHARD = 1 << 50  # bytes
     help="Size limit of a shard of webdataset; only a shard with a single frame may exceed it.",
 )
 @click.option("--patch", metavar="NAME", help="The patch that armory exports; default: the first of each variant.")
-@REPLACE
+@replace_option("Replace another export, but no other folder.")
 @JSON
 def command(
     dataset: Path,

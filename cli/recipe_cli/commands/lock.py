@@ -14,11 +14,11 @@ from recipe_cli.arguments import (
     DEVICE,
     JSON,
     RECIPES,
-    REPLACE,
     WORKERS,
     LocalPath,
     compile_quietly,
     engines_for,
+    replace_option,
     worker_count,
 )
 from recipe_cli.console import fail, print_json, say
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @click.command("lock")
 @click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=RECIPES)
 @click.option("--update", is_flag=True, help="Replace the recipe's lockfile if it differs.")
-@REPLACE
+@replace_option("Replace the lockfile of another recipe, or a file that is not a lockfile.")
 @click.option(
     "--with-traces",
     is_flag=True,

@@ -55,7 +55,8 @@ def command(
     """List the surfaces of a town, of a blueprint or of a recipe's scene to which patches can be applied.
 
     PATTERN is a glob of names, such as `wall.*`; by default all are listed. `body` and `shirt` are texture maps, which
-    cover the entire body or shirt; a patch on another surface is a rectangle, at most of the listed size.
+    cover the entire body or shirt; a patch on another surface is a rectangle, at most of the listed size. The yaw that
+    a surface faces is counter-clockwise from +x.
     """
     scene, looks, bodies = _found(where, variant, allow_large)
     bodies = [body for body in bodies if fnmatchcase(body.name, pattern)]
@@ -148,7 +149,7 @@ def _print_table(bodies: list[_Body]) -> None:
             place = f"on the part {surface.part}"
             if surface.part == "static":
                 yaw = round(atan2_deg(face.normal[1], face.normal[0])) % 360
-                turned = "upward" if face.normal[2] > 0.7 else f"towards {yaw}"
+                turned = "upward" if face.normal[2] > 0.7 else f"facing yaw {yaw} degrees"
                 place = f"at x {x:.1f}, y {y:.1f}, {turned}"
             ranges = (f"{low:.2f} to {high:.2f}" for low, high in (surface.x, surface.z))
             rows.append((*head, "{:.2f} x {:.2f}".format(*surface.size), *ranges, place))
@@ -176,7 +177,7 @@ def _draw(scene: ScenePlan | None, looks: Looks | None, bodies: list[_Body], fol
     maps = {folder / f"{body.name}.{surface.name}.png": (body, surface) for body, surface in mapped}
     pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]
     for path in (*maps, *pages):
-        check_output(path, replace=replace)
+        check_output(path, replace=replace, help="choose another folder (--output), or replace its files (--replace)")
     with writing(folder):
         folder.mkdir(exist_ok=True)
         for path, (body, surface) in maps.items():

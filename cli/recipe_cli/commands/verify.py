@@ -95,8 +95,9 @@ def command(
 
     A target is a recipe (with its lockfile), a pack, a lockfile (with its recipe), or a dataset, as a folder or a URL
     (s3://bucket/name); without any, all lockfiles. With --against, the dataset is compared with the recipe and its
-    lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE. Of several targets the exit
-    code is the first of 1, 2 (a target cannot be read), 3 and 0 that one of them has.
+    lockfile; if there is no lockfile, with the digests in the dataset's manifest. Exit code 0: PASS, 1: FAIL, 2: a
+    target cannot be read, 3: INCONCLUSIVE. Several targets: 1 if one fails, else 2 if one cannot be read, else 3 if
+    one is inconclusive, else 0.
     """
     from recipe_compiler.ir.errors import Code, InputError, Problem, RunError
     from recipe_runtime.core.nonce import fresh_nonce
@@ -310,4 +311,4 @@ def _say(target: Path | str, report: Report) -> None:
         say(f"  note: {note}")
     for picture in report.pictures:
         say(f"  see {picture}")
-    say(f"  {report.extent} (nonce {report.nonce})")
+    say(f"  {report.extent}" + ("" if report.files is not None else f" (nonce {report.nonce})"))

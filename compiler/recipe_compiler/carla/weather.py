@@ -48,7 +48,7 @@ def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
 
 
 def complete(reader: Reader, given: dict[str, Data], defaults: dict[str, float], to: str) -> dict[str, Data]:
-    """Return all fourteen parameters.
+    """Return all parameters.
 
     Args:
         reader: collects the defaults that are used.

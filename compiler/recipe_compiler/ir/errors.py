@@ -61,7 +61,7 @@ class Code(str, Enum):
     OUT_OF_MEMORY = "out-of-memory"
     INTERNAL = "internal"
     INTERRUPTED = "interrupted"
-    # Warnings alone
+    # Warnings; `placement` is an error as well
     AXES_OVERLAP = "axes-overlap"
     PLACEMENT = "placement"
     OVERRIDDEN = "overridden"

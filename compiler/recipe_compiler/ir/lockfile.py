@@ -34,7 +34,7 @@ from urllib.parse import quote
 from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.canonical import canonical_bytes, digest_chunks
 from recipe_compiler.ir.errors import Code, InputError
-from recipe_compiler.ir.lockfile_rows import FORMAT, MAX_LINE, MAX_ROWS, RowParser, invalid_line, max_rows_for
+from recipe_compiler.ir.lockfile_rows import FORMAT, MAX_LINE, MAX_ROWS, RESTORE, RowParser, invalid_line, max_rows_for
 from recipe_compiler.ir.lockfile_rows import BodyMotion as BodyMotion
 from recipe_compiler.ir.lockfile_rows import FrameKey as FrameKey
 from recipe_compiler.ir.lockfile_rows import VariantRow as VariantRow
@@ -269,7 +269,7 @@ def read_source(path: Path) -> str:
         for number, line in enumerate(itertools.islice(lines, 2), start=1):
             parser.add(number, line.decode().rstrip("\r\n"))
     if not parser.source:
-        raise invalid_line(str(path), 2, "the second row names no recipe")
+        raise invalid_line(str(path), 2, "the second row names no recipe", RESTORE)
     return parser.source
 
 
@@ -305,11 +305,11 @@ def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_
     for number, line in enumerate(lines, start=1):
         seen.update(line)
         if len(line) >= MAX_LINE:
-            raise invalid_line(name, number, f"the line is longer than {MAX_LINE:,} bytes")
+            raise invalid_line(name, number, f"the line is longer than {MAX_LINE:,} bytes", RESTORE)
         try:
             parser.add(number, line.decode().rstrip("\r\n"))
         except UnicodeDecodeError:
-            raise invalid_line(name, number, "the line is not UTF-8 text") from None
+            raise invalid_line(name, number, "the line is not UTF-8 text", RESTORE) from None
     lock, again = Lockfile(**vars(parser.rows())), hashlib.sha256()
     for text in lock._lines():
         again.update(text.encode())

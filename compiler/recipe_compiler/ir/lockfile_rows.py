@@ -19,6 +19,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 FORMAT = 1
 MAX_LINE = 1 << 14  # bytes
 KEY_LENGTH = 16  # digits of a digest that serve as a key within one lockfile
+RESTORE = "restore the file from a copy, or write it again with `recipe lock RECIPE --update`"
 _CELLS = {
     "recipe": 3, "identity": 1, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5,
     "seal": 1,
@@ -142,17 +143,17 @@ class RowParser:
             return
         kind, *cells = line.split(" ")
         if kind not in _CELLS:
-            raise invalid_line(self._name, number, f"unknown row {kind[:40]!r}; rows are {', '.join(_CELLS)}")
+            raise invalid_line(self._name, number, f"unknown row {kind[:40]!r}", RESTORE)
         if len(cells) != _CELLS[kind]:
             message = f"a {kind} row has {_CELLS[kind]} cells after its kind, this one {len(cells)}"
-            raise invalid_line(self._name, number, message)
+            raise invalid_line(self._name, number, message, RESTORE)
         self._counts[kind] += 1
         if self._counts[kind] > self._max_rows[kind]:
             raise invalid_line(self._name, number, f"there are more than {self._max_rows[kind]:,} {kind} rows")
         try:
             self._row(kind, cells)
         except ValueError as error:
-            raise invalid_line(self._name, number, f"a broken {kind} row: {error}") from None
+            raise invalid_line(self._name, number, f"a broken {kind} row: {error}", RESTORE) from None
 
     def rows(self) -> Rows:
         """All rows, once every line was added.
@@ -163,7 +164,7 @@ class RowParser:
         if not self._lines:
             raise invalid_line(self._name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
         if not self._rows.recipe:
-            raise invalid_line(self._name, 1, "the lockfile names no recipe: its `recipe` row is missing")
+            raise invalid_line(self._name, 1, "the lockfile names no recipe: its `recipe` row is missing", RESTORE)
         return self._rows
 
     def _row(self, kind: str, cells: list[str]) -> None:
@@ -217,6 +218,6 @@ def _whole(cell: str) -> int:
     return int(cell)
 
 
-def invalid_line(name: str, line: int, message: str) -> InputError:
+def invalid_line(name: str, line: int, message: str, help: str | None = None) -> InputError:
     """The error of a line of a lockfile."""
-    return InputError(Problem(message, Place(name, line, 1), code=Code.INVALID_LOCKFILE))
+    return InputError(Problem(message, Place(name, line, 1), help, Code.INVALID_LOCKFILE))

@@ -94,7 +94,7 @@ PRESETS: dict[str, dict[str, float]] = _read_table()
 
 
 def preset(name: str) -> dict[str, float]:
-    """The fourteen numbers of a preset, with defaults for unset ones.
+    """The parameters of a preset, with defaults for unset ones.
 
     Raises:
         KeyError: there is no such preset.

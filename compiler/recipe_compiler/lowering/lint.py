@@ -1,4 +1,4 @@
-"""Warns of probable mistakes: overlapping bodies, starts far from the town, cameras in the ground or in buildings."""
+"""Warns of probable mistakes: overlapping bodies, blocked routes, places far from the town, cameras in buildings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.ir.plan import ActorPlan, Element, Pose, RigPlan
+from recipe_compiler.ir.ground.obstacles import ObstacleMap
+from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Pose, RigPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
@@ -59,6 +60,61 @@ def of_goals(base: Value, actors: Mapping[str, Actor], town: Town) -> Iterator[P
             message = f"actors.{name}.{key}: leads far out of the town, whose bounds are {spans}"
             place = base.place_of("actors", name, key)
             yield Problem(message, place, "end it within the town", Code.PLACEMENT)
+
+
+def of_vehicle_routes(
+    base: Value, given: Mapping[str, Actor], actors: Sequence[ActorPlan], solid: ObstacleMap, clock: Clock
+) -> Iterator[Problem]:
+    """Yield warnings for vehicles that would meet something solid on a straight line of their route during the clip.
+
+    Args:
+        base: the recipe's base, for the places of its values.
+        given: the named actors.
+        actors: the plans of all actors.
+        solid: the town's obstacles and the props that block the way.
+        clock: the clock, which limits how far a vehicle gets.
+    """
+    routed = [
+        actor
+        for actor in actors
+        if actor.category == "vehicle"
+        and actor.route
+        and actor.name in given
+        and (given[actor.name].goal is not None or given[actor.name].route is not None)
+    ]
+    if not routed:
+        return
+    wide = solid.with_more((), reach=max(actor.shape["width"] for actor in routed) / 2)
+    for actor in routed:
+        seconds = clock.frames / clock.fps + (0.0 if actor.held else clock.warmup)
+        met = _first_met(actor, wide, seconds)
+        if met is not None:
+            leg, name, x, y = met
+            path: tuple[str | int, ...] = ("goal",) if given[actor.name].goal is not None else ("route", leg)
+            label = "goal" if path == ("goal",) else f"route[{leg}]"
+            message = f"actors.{actor.name}.{label}: the straight line to it meets {name} at x: {x:.1f}, y: {y:.1f}"
+            place = base.place_of("actors", actor.name, *path)
+            yield Problem(message, place, "lead it round, with waypoints as `route`", Code.PLACEMENT)
+
+
+def _first_met(actor: ActorPlan, solid: ObstacleMap, seconds: float) -> tuple[int, str, float, float] | None:
+    """Return the first obstacle that a vehicle meets on the lines of its route, as far as it can get in some seconds.
+
+    Returns:
+        The number of the line, the obstacle's name, and x and y of the vehicle's middle where half its width
+            reaches it; None if all lines are free.
+    """
+    half, x0, y0 = actor.shape["width"] / 2, actor.start.x, actor.start.y
+    left = actor.speed * seconds + actor.shape["length"] / 2
+    for leg, point in enumerate(actor.route):
+        line, length = (x0, y0, point.x, point.y), math.sqrt((point.x - x0) ** 2 + (point.y - y0) ** 2)
+        found = [(obstacle.entry(line, half), obstacle.name) for obstacle in solid.across(line, half)]
+        if found:
+            part, name = min(found)
+            near = part * length <= left
+            return (leg, name, x0 + part * (point.x - x0), y0 + part * (point.y - y0)) if near else None
+        left, x0, y0 = left - length, point.x, point.y
+    return None
 
 
 def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:

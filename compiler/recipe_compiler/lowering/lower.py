@@ -205,6 +205,7 @@ class Lowering:
             return None
         seconds = traffic.warmup(base)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)
+        self.warnings += lint.of_vehicle_routes(variant.base, base.actors, actors, routes.solid, clock)
         # All colours come from a palette or are validated. Validating a town's again would be the slowest step here.
         looks = Looks.model_construct(root={**town.looks, **cast.looks, **stage.looks})
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)

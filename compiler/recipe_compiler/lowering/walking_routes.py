@@ -51,6 +51,7 @@ class WalkingRoutes:
     Attributes:
         problems: Errors in starts and routes.
         warnings: Probable mistakes.
+        solid: The town's obstacles and the props that block the way.
     """
 
     def __init__(
@@ -76,8 +77,9 @@ class WalkingRoutes:
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
         self._base, self._given, self._actors = base, given, actors
-        solid = (Obstacle.of_prop(prop, town.ground(prop.pose.x, prop.pose.y)) for prop in props)
-        static = town.obstacles.with_more(o for o in solid if o is not None) if props else town.obstacles
+        blocking = (Obstacle.of_prop(prop, town.ground(prop.pose.x, prop.pose.y)) for prop in props)
+        static = town.obstacles.with_more(o for o in blocking if o is not None) if props else town.obstacles
+        self.solid = static
         standing = [a for a in actors if a.category == "vehicle" and (not a.route or a.speed <= 0.0)]
         self._crowd = Planner(static, total=work.routes)
         vehicles = [Obstacle.of_vehicle(actor) for actor in standing]

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, Problem, split_remedy
-from recipe_compiler.schema import remedies
+from recipe_compiler.schema import remedies, units
 from recipe_compiler.source.yaml_reader import Value, show
 
 Path = tuple[str | int, ...]
@@ -246,7 +246,15 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     own = _CARLA.get(str(path[-1]))
     if own in keys:
         return Code.UNKNOWN_KEY, what, f"use {show(own)}, which is CARLA's {path[-1]}"
-    return Code.UNKNOWN_KEY, what, remedies.of_key(str(path[-1]), detail["input"]) or nearest(str(path[-1]), keys)
+    known = remedies.of_key(str(path[-1]), detail["input"])
+    return Code.UNKNOWN_KEY, what, known or _home(detail, model) or nearest(str(path[-1]), keys)
+
+
+def _home(detail: ErrorDetails, model: type[BaseModel]) -> str | None:
+    """The remedy for an unknown key that belongs in a map beside it; None if it belongs in none or in several."""
+    key, around = str(detail["loc"][-1]), _without_markers(detail["loc"][:-1])
+    homes = [field for field in fields_at(model, around) if key in fields_at(model, (*around, field))]
+    return f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}" if len(homes) == 1 else None
 
 
 def _missing(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:
@@ -282,7 +290,8 @@ def _wrong_type(kind: str, detail: ErrorDetails, path: Path, model: type[BaseMod
             unquote = word in {"int", "float", "bool"} and isinstance(value, str) and _looks_plain(value)
             within = span if word in {"int", "float"} else ""
             fields = fields_at(model, _without_markers(detail["loc"])) if wanted == "a map" else ()
-            known = remedies.of_value(str(path[-1]), wanted, value, fields)
+            unit = units.unit_of(_description(model, detail["loc"]))
+            known = remedies.of_value(str(path[-1]), wanted, value, fields, unit)
             remedy = "remove the quotes" if unquote else known or _EXAMPLES.get(wanted)
             return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", remedy
     message, remedy = split_remedy(f"{where}: {detail['msg']}")
@@ -314,6 +323,15 @@ def _literals(expected: str) -> list[str]:
 def _hint(model: type[BaseModel], loc: Sequence[str | int]) -> str:
     info = _field_at(model, tuple(loc))
     return f": {_uncapitalised(info.description)}" if info is not None and info.description else ""
+
+
+def _description(model: type[BaseModel], loc: Path) -> str | None:
+    """The description of a field; for an item of a list, that of the list."""
+    keys = _without_markers(loc)
+    while keys and isinstance(keys[-1], int):
+        keys = keys[:-1]
+    info = _field_at(model, keys) if keys else None
+    return info.description if info else None
 
 
 def _uncapitalised(text: str) -> str:

@@ -8,17 +8,15 @@ import unicodedata
 from collections.abc import Collection
 
 from recipe_compiler.library import towns, weather
+from recipe_compiler.schema import units
 from recipe_compiler.source.yaml_help import name_of
 
 _KMH = 3.6  # km/h in 1 m/s
-_MPH = 2.2369362921
-_WITH_UNIT = re.compile(r"([-+]?[0-9]{1,9}(?:\.[0-9]{1,9})?) ?([A-Za-z°%/²]{1,8})\Z")
-_PER_HOUR = {"km/h": _KMH, "kmh": _KMH, "kph": _KMH, "mph": _MPH}
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]{1,9},[0-9]{1,9}\Z")
 _CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb"
 
 
-def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ()) -> str | None:
+def of_value(key: str, wanted: str, value: object, fields: Collection[str] = (), unit: str | None = None) -> str | None:
     """Return the remedy for a value of the wrong type; None if nothing in particular is known.
 
     Args:
@@ -26,6 +24,7 @@ def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ())
         wanted: what it must be, such as `a number` or `text`.
         value: what is given.
         fields: the keys of the map that is wanted.
+        unit: the unit of the number that is wanted, if it has one.
     """
     if key == "time" and isinstance(value, int | float) and not isinstance(value, bool):
         return _time(value)
@@ -39,6 +38,8 @@ def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ())
         return _in_list(value)
     if wanted == "a map" and "uniform" in fields and isinstance(value, list) and None not in map(_number_of, value):
         return f"write {{uniform: [{', '.join(f'{item:g}' for item in value)}]}}" if len(value) == 2 else None
+    if key == "texture" and wanted == "a map" and isinstance(value, str):
+        return _texture(value)
     number = _number_of(value)
     if wanted == "a whole number" and number is not None and abs(number) < 1e9:
         return f"write {math.floor(number + 0.5)}, without a fraction"
@@ -47,7 +48,7 @@ def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ())
     if wanted == "a list" and key in ("yaw", "pitch", "roll") and number is not None:
         return f"write [{-abs(number):g}, {abs(number):g}]"
     if wanted in ("a number", "a whole number") and isinstance(value, str):
-        return _number(value)
+        return _number(value, unit)
     return None
 
 
@@ -102,6 +103,15 @@ def _point(value: list[object], fields: Collection[str]) -> str | None:
     return f"write {{{', '.join(f'{axis}: {number:g}' for axis, number in zip(axes, value, strict=True))}}}"
 
 
+def _texture(value: str) -> str:
+    """The remedy for a texture that is a path or a colour instead of a map."""
+    if re.fullmatch(r"[\w./-]{1,80}\.png", value, re.IGNORECASE):
+        return f"write {{image: {value}}}"
+    if re.fullmatch(r"#[0-9a-fA-F]{6}", value):
+        return f'write {{color: "{value}"}}'
+    return 'write {image: FILE.png}, {frames: FOLDER} or {color: "#rrggbb"}'
+
+
 def _in_list(value: str | dict[str, object]) -> str | None:
     """The remedy for words, or one flat map, where a list is wanted."""
     if isinstance(value, dict):
@@ -113,13 +123,7 @@ def _in_list(value: str | dict[str, object]) -> str | None:
     return f"write [{', '.join(words)}]" if fit else None
 
 
-def _number(text: str) -> str | None:
+def _number(text: str, unit: str | None) -> str | None:
     if _DECIMAL_COMMA.match(text):
         return f"write {text.replace(',', '.')}, with a decimal point"
-    found = _WITH_UNIT.match(text)
-    if found is None:
-        return of_text(text)
-    per_hour = _PER_HOUR.get(found[2].lower())
-    if per_hour is None:
-        return f"write {found[1]}, without the unit"
-    return f"write {float(found[1]) / per_hour:.1f}: the unit is m/s"
+    return units.remedy(text, unit) or of_text(text)

@@ -10,7 +10,7 @@ from recipe_compiler.schema.fields import NAME_LENGTH, Model, Percent, bounded
 
 
 class Weather(Model):
-    """CARLA's fourteen weather parameters. Parameters that are absent have the values of the preset."""
+    """CARLA's weather parameters. Parameters that are absent have the values of the preset."""
 
     preset: Annotated[
         str, Field(max_length=NAME_LENGTH, description="Name of a CARLA preset. `weather: ClearNoon` is short for it.")

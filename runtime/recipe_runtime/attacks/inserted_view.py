@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
-from recipe_runtime.attacks.textures import Texture, Values, as_values
+from recipe_runtime.attacks.textures import Texture, Values, as_image, as_values
 from recipe_runtime.insertion.inserter import InsertedPixels
 from recipe_runtime.insertion.warp import neighbours
 from recipe_runtime.render.retexture.sparse import RowMatrix, SparseProduct, row_matrix
@@ -42,7 +42,7 @@ class InsertedView:
     def forward(self, texture: Texture) -> Values:
         """Return the picture for a texture, uint8 or 0 to 1, float64 [H, W, 3], 0 to 1, not rounded in the patch."""
         out = self.picture / 255.0
-        values = np.clip(as_values(self.patch, texture, self.shape), 0.0, 1.0).reshape(-1, 3)
+        values = as_values(self.patch, texture, self.shape).reshape(-1, 3)
         if self.products:
             reduction, warp = self.products
             out.reshape(-1, 3)[self.pixels] = warp.forward(reduction.forward(values))
@@ -52,26 +52,37 @@ class InsertedView:
         """Return the vector-Jacobian product of `forward`.
 
         Args:
-            texture: The texture at which the derivative is taken, [h, w, 3]; it is 0 for values outside 0 to 1.
+            texture: The texture at which the derivative is taken, uint8 or 0 to 1, [h, w, 3].
             gradient: Gradient with respect to the picture, [H, W, 3].
 
         Returns:
             The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
         """
+        as_values(self.patch, texture, self.shape)  # checks it: the derivative is the same at all textures
         if not self.products:
             return np.zeros(self.shape)
         reduction, warp = self.products
         back = reduction.backward(warp.backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64)))
-        values = as_values(self.patch, texture, self.shape)
-        return np.where((values < 0.0) | (values > 1.0), 0.0, back.reshape(self.shape))
+        return back.reshape(self.shape)
 
-    def render(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the picture for a texture, uint8 [H, W, 3], as `Scenario.render` does."""
-        return self._frame.render({self.patch: texture})
+    def render(self, texture: Texture) -> NDArray[np.uint8]:
+        """Return the picture for a texture, uint8 [H, W, 3], as `Scenario.render` does.
 
-    def rounded(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the picture for a texture by the linear map, rounded as a build rounds it."""
-        return np.floor(self.forward(texture) * 255.0 + 0.5).astype(np.uint8)
+        Args:
+            texture: uint8, or 0 to 1 (rounded to 8 bits), [h, w, 3]; of any size.
+        """
+        return self._frame.render({self.patch: as_image(self.patch, texture)})
+
+    def rounded(self, texture: Texture) -> NDArray[np.uint8]:
+        """Return the picture for a texture by the linear map, rounded as a build rounds it.
+
+        Args:
+            texture: uint8, or 0 to 1 (rounded to 8 bits, as in `render`), [h, w, 3].
+
+        Returns:
+            The picture, uint8 [H, W, 3].
+        """
+        return np.floor(self.forward(as_image(self.patch, texture)) * 255.0 + 0.5).astype(np.uint8)
 
 
 def _matrices(pixels: InsertedPixels, width: int, height: int) -> tuple[RowMatrix, RowMatrix]:

@@ -27,7 +27,7 @@ from recipe_runtime.attacks.lens_light import LensLight
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.pixel_light import PixelLight
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
-from recipe_runtime.attacks.textures import Texture, Values, as_values, check_size
+from recipe_runtime.attacks.textures import Texture, Values, as_image, as_image_of_size, as_values, check_size
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
@@ -107,13 +107,25 @@ class PatchView:
         """
         return self.linearise(texture).backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64))
 
-    def render(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the rendered picture for a texture, uint8 [H, W, 3], as `Scenario.render` does."""
-        return self._frame.render({self.patch: texture})
+    def render(self, texture: Texture) -> NDArray[np.uint8]:
+        """Return the rendered picture for a texture, uint8 [H, W, 3], as `Scenario.render` does.
 
-    def rounded(self, texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the picture for a texture by the linear map, rounded where the renderer rounds."""
-        texels = np.concatenate([level.reshape(-1) for level in mip_levels(texture)])
+        Args:
+            texture: uint8, or 0 to 1 (rounded to 8 bits), [h, w, 3]; of any size.
+        """
+        return self._frame.render({self.patch: as_image(self.patch, texture)})
+
+    def rounded(self, texture: Texture) -> NDArray[np.uint8]:
+        """Return the picture for a texture by the linear map, rounded where the renderer rounds.
+
+        Args:
+            texture: uint8, or 0 to 1 (rounded to 8 bits, as in `render`), [h, w, 3].
+
+        Returns:
+            The picture, uint8 [H, W, 3].
+        """
+        image = as_image_of_size(self.patch, texture, self.shape)
+        texels = np.concatenate([level.reshape(-1) for level in mip_levels(image)])
         channels = np.stack([texels & 255, texels >> 8 & 255, texels >> 16 & 255], axis=-1)
         level, _ = self._light.forward(self._radiance(linear_light(channels / 255.0)[0]))
         noisy, _ = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)

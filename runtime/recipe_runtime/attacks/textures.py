@@ -59,26 +59,42 @@ def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, Any]) -> di
     """Return textures by the name of their patch, uint8 [h, w, 3] sRGB; see `as_array` for what is accepted.
 
     Raises:
-        InputError: A patch does not exist or its mode is `green`, or a texture is not an image.
+        InputError: A patch does not exist or its mode is `green`, or a texture is not an image or has floats outside
+            0 to 1.
     """
     return {textured_patch(patches, name).name: as_image(name, texture) for name, texture in textures.items()}
 
 
 def as_image(name: str, texture: Any) -> NDArray[np.uint8]:
-    """Return a patch's texture as uint8 [h, w, 3]; numbers from 0 to 1 are rounded, halves up."""
-    values = as_array(name, texture)
+    """Return a patch's texture as uint8 [h, w, 3]; floats from 0 to 1 are rounded, halves up.
+
+    Raises:
+        InputError: It is not an image, or has floats outside 0 to 1.
+    """
+    values = _within(name, as_array(name, texture))
     if values.dtype == np.uint8:
         return values.astype(np.uint8)
-    image: NDArray[np.uint8] = np.floor(np.clip(values, 0.0, 1.0).astype(np.float64) * 255.0 + 0.5).astype(np.uint8)
+    image: NDArray[np.uint8] = np.floor(values.astype(np.float64) * 255.0 + 0.5).astype(np.uint8)
+    return image
+
+
+def as_image_of_size(name: str, texture: Any, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return a patch's texture as `as_image` does.
+
+    Raises:
+        InputError: It is not an image, has floats outside 0 to 1, or does not have the shape.
+    """
+    image = as_image(name, texture)
+    _check_shape(name, image.shape, shape)
     return image
 
 
 def as_array(name: str, texture: Any) -> NDArray[Any]:
-    """Return a patch's texture as an array [h, w, 3] of uint8, or of floats from 0 to 1.
+    """Return a patch's texture as an array [h, w, 3] of uint8, or of floats, whose range is not checked.
 
     Args:
         name: The patch, for messages.
-        texture: An array [h, w, 3], or a tensor [3, h, w] or [1, 3, h, w]; uint8, or floats from 0 to 1.
+        texture: An array [h, w, 3], or a tensor [3, h, w] or [1, 3, h, w]; uint8, or finite floats.
 
     Raises:
         InputError: It is of another shape or type, has values that are not finite, or is larger than an image of a
@@ -121,11 +137,29 @@ def as_values(name: str, texture: Texture, shape: tuple[int, ...]) -> Values:
     """Return a patch's texture as float64, 0 to 1.
 
     Raises:
-        InputError: It is not an image.
-        ValueError: It does not have the shape.
+        InputError: It is not an image, has floats outside 0 to 1, or does not have the shape.
     """
-    given = as_array(name, texture)
-    if given.shape != shape:
-        raise ValueError(f"the texture has the shape {given.shape}, not {shape}")
+    given = _within(name, as_array(name, texture))
+    _check_shape(name, given.shape, shape)
     values: Values = given.astype(np.float64)
     return values / 255.0 if given.dtype == np.uint8 else values
+
+
+def _check_shape(name: str, given: tuple[int, ...], wanted: tuple[int, ...]) -> None:
+    """Raise InputError if a texture does not have the shape for which a view was made."""
+    if given != wanted:
+        raise InputError(
+            f"the texture of {name} has the shape {given}, but the view is of textures of the shape {wanted}",
+            help=f"make the view with patch_view(frame, {name!r}, size=({given[0]}, {given[1]}))",
+        )
+
+
+def _within(name: str, values: NDArray[Any]) -> NDArray[Any]:
+    """Return a texture; raise InputError if it has floats outside 0 to 1."""
+    if values.dtype != np.uint8 and (values.min() < 0.0 or values.max() > 1.0):
+        raise InputError(
+            f"the texture of {name} has values from {values.min():g} to {values.max():g}; float textures are from 0 to"
+            " 1: divide 8-bit values by 255, and clip the result of a gradient step",
+            code=Code.OUT_OF_RANGE,
+        )
+    return values

@@ -338,10 +338,15 @@ def check_out(out: Path) -> None:
     """Check that a dataset can be put in place of `out`.
 
     Raises:
-        InputError: `out` exists and is not a dataset of this program, or contains other files as well.
+        InputError: `out` exists and is not a dataset of this program, or contains other files as well; or a parent of
+            it is a file.
     """
     if out.is_symlink() or (out.exists() and not out.is_dir()):
         raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
+    above = next(folder for folder in out.absolute().parents if os.path.lexists(folder))
+    if not above.is_dir():
+        what = "a symbolic link that leads to no folder" if above.is_symlink() else "a file"
+        raise InputError(f"{out}: {above} is {what}", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
     if out.is_mount():  # publishing is a rename, which cannot replace a mount point
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
         raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)

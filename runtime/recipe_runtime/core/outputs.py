@@ -13,8 +13,8 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_runtime.core.files import write_atomic
 
 
-def check_output(path: Path, *, replace: bool = False) -> None:
-    """Raise InputError if a file exists at `path`, unless `replace`; called before the work begins.
+def check_output(path: Path, *, replace: bool = False, help: str = "choose another file, or replace it") -> None:
+    """Raise InputError, with the remedy `help`, if a file exists at `path`, unless `replace`; called before the work.
 
     A device or a pipe is not a file: writing to it loses nothing. A file is not replaced through a symbolic link, which
     may have come with the folder.
@@ -30,7 +30,7 @@ def check_output(path: Path, *, replace: bool = False) -> None:
     if path.is_file():
         raise InputError(
             f"{path} exists already",
-            help="choose another file, or replace it",
+            help=help,
             code=Code.OUTPUT_IN_THE_WAY,
         )
 

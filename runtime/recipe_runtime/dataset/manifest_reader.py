@@ -220,8 +220,11 @@ def check_outside_datasets(out: Path) -> None:
             read(folder)
         except (OSError, ValueError):
             continue
+        beside = folder.parent / out.name
+        if beside.exists():
+            beside = beside.with_name(f"{out.name}-again")
         raise InputError(
             f"{out} is inside the dataset {folder}",
-            help=f"choose a folder outside it, such as {folder.parent / (out.name + '-again')}",
+            help=f"choose a folder outside it, such as {beside}",
             code=Code.OUTPUT_IN_THE_WAY,
         )

@@ -24,6 +24,12 @@ from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 
 _FIELD = 24.0  # degrees: a long lens, so that near and far keep their proportions
 _MARGIN = 1.1
+DAYLIGHT = Weather.model_validate(
+    dict.fromkeys(Weather.model_fields, 0.0)
+    | {"scattering_intensity": 1.0, "mie_scattering_scale": 0.03}
+    | {"cloudiness": 30.0, "rayleigh_scattering_scale": 0.0331}
+)
+"""Dry weather with a few clouds, for pictures of single actors and surfaces."""
 _PHASE = 0.1  # of the stride in which a walker is shown: one foot flat, one about to leave
 
 
@@ -113,11 +119,9 @@ def _floor() -> Body:
 
 
 def _daylight(looks: dict[str, dict[str, str]], view: Viewpoint) -> AppearancePlan:
-    clear = dict.fromkeys(Weather.model_fields, 0.0) | {"scattering_intensity": 1.0, "mie_scattering_scale": 0.03}
-    weather = Weather.model_validate(clear | {"cloudiness": 30.0, "rayleigh_scattering_scale": 0.0331})
     return AppearancePlan(
         seed=0,
-        weather=weather,
+        weather=DAYLIGHT,
         sun=Sun(azimuth=view.side + 50.0, altitude=view.sun_altitude),
         looks=Looks(looks),
         responses={"studio": CameraResponse(exposure_compensation=-0.7, noise=0.0)},

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.patches import GREEN, PatchPlan, PatchTexture
-from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, ScenePlan, Sun, Weather
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, ScenePlan, Sun
 
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.frames.portrait import DAYLIGHT
 from recipe_runtime.frames.scene_motion import SceneMotion
 from recipe_runtime.meshes import scene_bodies
 
@@ -69,11 +70,9 @@ def _standpoint(patch: PatchPlan) -> Pose:
 
 
 def _daylight(looks: Looks, patch: PatchPlan) -> AppearancePlan:
-    clear = dict.fromkeys(Weather.model_fields, 0.0) | {"scattering_intensity": 1.0, "mie_scattering_scale": 0.03}
-    weather = Weather.model_validate(clear | {"cloudiness": 30.0, "rayleigh_scattering_scale": 0.0331})
     return AppearancePlan(
         seed=0,
-        weather=weather,
+        weather=DAYLIGHT,
         sun=Sun(azimuth=130.0, altitude=50.0),
         looks=looks,
         patches=(patch,),

@@ -112,6 +112,10 @@ class Report:
             return f"none of {count(self.bound.total, 'frame')} compared, because what precedes rendering differs"
         frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
         which = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
+        if not frames:
+            files = len({d.path for d in self.differences if d.path is not None})
+            which = "no rendered frame differs"
+            which += f", but {count(files, 'file')} of the dataset {form(files, 'does', 'do')}" if files else ""
         return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {which}{resumed}"
 
     def document(self) -> ReportRecord:

@@ -85,3 +85,12 @@ def test_a_broken_lockfile_is_refused_with_its_line(text: str, says: str) -> Non
 def test_a_missing_lockfile_says_what_writes_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="`recipe lock` writes it"):
         lockfile.read(tmp_path / "none.lock")
+
+
+@pytest.mark.parametrize("row", ["file a", "bananas 3", "stage shade one", "frame a b c d"])
+def test_a_damaged_row_has_a_remedy(row: str) -> None:
+    with pytest.raises(InputError) as caught:
+        lockfile.loads(f"recipe-lock 1\n{row}\n", "x.lock")
+    assert caught.value.problems[0].help == (
+        "restore the file from a copy, or write it again with `recipe lock RECIPE --update`"
+    )

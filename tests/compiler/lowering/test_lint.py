@@ -110,3 +110,36 @@ def test_places_where_the_town_lets_actors_start_are_free_and_not_enclosed(name:
     poses = [*(point.pose for point in town.spawn_points[::5]), *town.parking[::5]]
     assert all(town.obstacles.at(pose.x, pose.y, path_planner.BODY) is None for pose in poses)
     assert not any(yards.around(pose.x, pose.y) for pose in poses)
+
+
+def driven(actor: dict[str, Any], frames: int = 80, **props: Any) -> list[str]:
+    """The warnings of a clip of eight seconds with a vehicle."""
+    recipe = small(actors={"it": actor}, clock={"fps": 10, "frames": frames}, props=props)
+    return [str(warning).partition(": ")[2] for warning in compiled(recipe).warnings]
+
+
+def test_a_line_of_a_vehicle_through_a_building_is_warned_of() -> None:
+    """A vehicle drives straight to its goal: against a building, it would stand there for the rest of the clip."""
+    car = {**at(1.5, 0, 90, "vehicle.sedan.a"), "speed": 8}
+    (message,) = driven({**car, "goal": {"x": 61.5, "y": 1}})
+    assert message.startswith("actors.it.goal: the straight line to it meets ") and " at x: " in message
+    assert message.endswith("; lead it round, with waypoints as `route`")
+    (message,) = driven({**car, "route": [{"x": 1.5, "y": 9}, {"x": 61.5, "y": 9}]})
+    assert message.startswith("actors.it.route[1]: the straight line to it meets building.")
+    assert driven({**car, "goal": {"x": 61.5, "y": 1}}, frames=2) == []  # the clip ends before
+
+
+def test_a_vehicle_is_as_wide_as_its_body_on_its_line() -> None:
+    """A board beside the line: a bus touches it, a bicycle passes."""
+    board = {"size": {"width": 0.4, "height": 1.5}, "at": {"x": 1.1, "y": 0, "yaw": 0}}
+    way = {"speed": 5, "goal": {"x": 0, "y": 10}}
+    (message,) = driven({**at(0, -8, 90, "vehicle.bus.city"), **way}, board=board)
+    assert message.startswith("actors.it.goal: the straight line to it meets prop.board at x: 0.0, y: -1.")
+    assert driven({**at(0, -8, 90, "vehicle.bicycle.*"), **way}, board=board) == []
+
+
+def test_a_line_along_a_lane_and_a_vehicle_that_stands_are_not() -> None:
+    car = at(1.5, 0, 90, "vehicle.sedan.a")
+    assert driven({**car, "speed": 8, "goal": {"x": 1.5, "y": 40}}) == []
+    assert driven({**car, "speed": 0, "goal": {"x": 61.5, "y": 1}}) == []
+    assert driven({**car, "speed": 8}) == []  # a route of the town

@@ -69,6 +69,21 @@ def test_the_gradient_is_that_of_the_views(view: Any, recipe: Path) -> None:
     assert np.abs(expected).max() > 0.01
 
 
+@pytest.mark.parametrize("quantise", [True, False])
+def test_values_outside_0_to_1_are_clipped_and_have_no_gradient(recipe: Path, quantise: bool) -> None:
+    """Attacks step beyond the range; views of patches refuse it."""
+    from recipe_runtime.torch import SceneView
+
+    view = SceneView(recipe, "poster", PLACES[:1], quantise=quantise)
+    values = torch.full((1, 3, 9, 7), 0.5)
+    values[..., 0], values[..., 1] = -0.25, 1.25
+    texture = values.requires_grad_()
+    pictures = view.pictures(texture)
+    assert torch.equal(pictures, view.pictures(texture.detach().clamp(0, 1)))
+    pictures.sum().backward()
+    assert not texture.grad[..., :2].any() and texture.grad[..., 2:].any()
+
+
 GRADIENT = """
 import sys
 from hashlib import sha256

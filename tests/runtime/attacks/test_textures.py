@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,39 @@ def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: S
         scene.patch_view(0, "poster", "roof")
     with pytest.raises(IndexError):
         scene.render(3, textures={"poster": image})
+
+
+@pytest.mark.parametrize("given", [np.full((9, 7, 3), 255.0), np.full((9, 7, 3), -0.01), np.full((9, 7, 3), 1.001)])
+def test_floats_outside_0_to_1_are_refused(scene: Scenario, given: Any) -> None:
+    """Floats from 0 to 255 gave a white patch without a word."""
+    view = scene.patch_view(0, "poster", size=(9, 7))
+    calls: list[Callable[[], object]] = [
+        lambda: scene.render(0, textures={"poster": given}),
+        lambda: view.forward(given),
+        lambda: view.backward(given, np.ones((64, 96, 3))),
+        lambda: view.render(given),
+        lambda: view.rounded(given),
+    ]
+    for call in calls:
+        with pytest.raises(InputError, match="float textures are from 0 to 1: divide 8-bit values by 255"):
+            call()
+
+
+def test_a_view_rounds_floats_as_a_frame_does(scene: Scenario) -> None:
+    """`rounded` raised IndexError for what `forward` takes."""
+    view = scene.patch_view(1, "poster", size=(9, 7))
+    floats = np.random.default_rng(3).random((9, 7, 3))
+    expected = scene.render(1, textures={"poster": floats})
+    np.testing.assert_array_equal(view.render(floats), expected)
+    np.testing.assert_array_equal(view.rounded(floats), view.rounded(np.floor(floats * 255 + 0.5).astype(np.uint8)))
+    assert np.abs(view.rounded(floats).astype(int) - expected).max() <= 1
+
+
+@pytest.mark.parametrize("method", ["forward", "rounded"])
+def test_a_texture_of_another_size_is_refused_with_the_call_to_make(scene: Scenario, method: str) -> None:
+    with pytest.raises(InputError, match=r"the view is of textures of the shape \(9, 7, 3\)") as caught:
+        getattr(scene.patch_view(0, "poster", size=(9, 7)), method)(np.zeros((5, 4, 3)))
+    assert caught.value.problems[0].help == "make the view with patch_view(frame, 'poster', size=(5, 4))"
 
 
 def test_kept_frames_are_bounded_by_their_memory(scene: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,7 @@ from recipe_runtime.transfer.export_sequence import ExportSequence
 from recipe_runtime.transfer.layouts import export_layout
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
+from tests.runtime.test_python_page import examples
 
 FRAMES, WIDTH, HEIGHT = 3, 96, 72
 RECIPE = """
@@ -197,6 +198,25 @@ def test_mot_is_read_back(export: Path, recipe: Path) -> None:
         for record in scene.labels(1):
             mine = rows[(rows[:, 0] == 2) & (rows[:, 1] == record["instance"])]
             np.testing.assert_array_equal(mine[0, 2:6], record["bbox"])
+
+
+def test_the_example_of_the_page_reads_a_sample(
+    export: Path, recipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "exports").mkdir()
+    (tmp_path / "exports/armory").symlink_to(export)
+    monkeypatch.chdir(tmp_path)
+    (example,) = [code for code in examples("docs/attacks.md") if "carla_mot" in code]
+    known: dict[str, Any] = {}
+    exec(example, known)
+    with recipe_runtime.open(recipe, variant="weather=clear") as scene:
+        assert known["video"].name == "0000_weather=clear+street"
+        np.testing.assert_array_equal(known["picture"], scene.render(1))
+        metadata = scene.patch_metadata(1, "poster")
+    assert metadata is not None and known["mask"].any()
+    np.testing.assert_array_equal(known["mask"], metadata["mask"])
+    assert (known["corners"].dtype, known["corners"].shape) == (np.int64, (4, 2))
+    np.testing.assert_array_equal(known["corners"], metadata["gs_coords"])
 
 
 def test_video_tracking_is_read_back(export: Path, recipe: Path) -> None:

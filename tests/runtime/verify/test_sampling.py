@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from recipe_runtime.verify.sampling import Bound, draw, draw_scenes, sample_size
+from recipe_runtime.verify.verdict import Difference, Report
 
 
 @given(st.integers(1, 400), st.data())
@@ -57,3 +58,17 @@ def test_scenes_of_drawn_frames_and_others_up_to_a_limit(scenes: int, drawn: int
     assert len(found) == chosen and found == sorted(found)
     assert set(names[-drawn:]) <= set(found)
     assert found == draw_scenes(names, set(names[-drawn:]), nonce=7)
+
+
+def test_a_report_tells_files_that_differ_from_frames_that_differ() -> None:
+    """FAIL with `0 of them differ` would contradict itself."""
+
+    def extent(*differences: Difference) -> str:
+        return Report("r", "r@sha256:0", 1, Bound(20, 480, 0.95), list(differences)).extent
+
+    file = Difference("file", "tracks.csv differs", path="tracks.csv")
+    assert extent(file) == "20 of 480 frames compared, no rendered frame differs, but 1 file of the dataset does"
+    frame = Difference("shading", "it differs", variant="v", sensor="s", frame=3, path="v/s/rgb/000003.png")
+    assert extent(frame, file) == "20 of 480 frames compared, 1 of them differs"
+    plan = Difference("recipe", "small.yaml differs")
+    assert extent(plan) == "20 of 480 frames compared, no rendered frame differs"

@@ -129,7 +129,7 @@ def test_no_bound_is_claimed_where_something_differs(locked: Lockfile) -> None:
     assert report.extent == "48 of 48 frames compared, 48 of them differ"
     assert report.document()["differing_below"] is None
     report = check(locked, fakes.dataset_plan(frames=6, weathers=1), everything=False, count=5)
-    assert report.extent == "5 of 24 frames compared, 0 of them differ"
+    assert report.extent == "5 of 24 frames compared, no rendered frame differs"
     moved = check(locked, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
     assert moved.extent == "none of 48 frames compared, because what precedes rendering differs"
 

@@ -174,9 +174,9 @@ class ObstacleMap:
         found += [Obstacle.of_prop(prop, ground) for prop, ground in props]
         return cls((obstacle for obstacle in found if obstacle is not None), reach, cell)
 
-    def with_more(self, obstacles: Iterable[Obstacle]) -> ObstacleMap:
-        """Return a map of these obstacles and more."""
-        return ObstacleMap([*self._all, *obstacles])
+    def with_more(self, obstacles: Iterable[Obstacle], reach: float = _REACH) -> ObstacleMap:
+        """Return a map of these obstacles and more, for queries with margins up to `reach`."""
+        return ObstacleMap([*self._all, *obstacles], reach)
 
     def near(self, x: float, y: float) -> list[Obstacle]:
         """Return the obstacles within at least the map's reach of a point, and some farther ones."""
