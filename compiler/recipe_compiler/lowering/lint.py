@@ -107,7 +107,8 @@ def _first_met(actor: ActorPlan, solid: ObstacleMap, seconds: float) -> tuple[in
     half, x0, y0 = actor.shape["width"] / 2, actor.start.x, actor.start.y
     left = actor.speed * seconds + actor.shape["length"] / 2
     for leg, point in enumerate(actor.route):
-        line, length = (x0, y0, point.x, point.y), math.sqrt((point.x - x0) ** 2 + (point.y - y0) ** 2)
+        dx, dy = point.x - x0, point.y - y0
+        line, length = (x0, y0, point.x, point.y), math.sqrt(dx * dx + dy * dy)
         found = [(obstacle.entry(line, half), obstacle.name) for obstacle in solid.across(line, half)]
         if found:
             part, name = min(found)

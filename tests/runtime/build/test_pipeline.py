@@ -442,7 +442,7 @@ def test_a_full_disk_is_an_error_and_what_is_done_is_kept(
 
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(RunError, match=r"tiny.partial cannot be written: File exists; free some space or allow"):
+    with pytest.raises(InputError, match=r"file is a file; choose another folder"):
         build(dataset_plan(), tmp_path / "file" / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
 
 
