@@ -81,8 +81,8 @@ test-ray: install-dev  ## the same bytes from a Ray cluster of two nodes, one of
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'
 	$(BIN)/python -m pytest -q -m ray
 
-test-torch: install-dev  ## PyTorch's dataset, `SceneView` and ART's attack, with PyTorch (CPU build where there is one) and ART installed for it
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'adversarial-robustness-toolbox==1.20.1'
+test-torch: install-dev  ## PyTorch's dataset, `SceneView` and ART's attack, with PyTorch (CPU build where there is one), ART and tflite installed for it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'adversarial-robustness-toolbox==1.20.1' 'tflite==2.18.0'
 	$(BIN)/python -m pytest -q -m torch
 
 test-detector: install-dev  ## the detector of the study of attacks, beside TensorFlow Lite's outputs; both are installed for it
