@@ -75,3 +75,24 @@ def test_no_answer_is_the_hosts_failure(registry: list[str], monkeypatch: pytest
     monkeypatch.setattr(urllib.request, "urlopen", unreachable)
     with pytest.raises(RunError, match="no route; try again later"):
         module.detector_file()
+
+
+def test_npm_names_the_registry(
+    registry: list[str], tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    npm = tmp_path_factory.mktemp("bin") / "npm"
+    npm.write_text('#!/bin/sh\n[ "$*" = "config get registry" ] && echo https://configured.example/\n')
+    npm.chmod(0o755)
+    monkeypatch.delenv("npm_config_registry")
+    monkeypatch.setenv("PATH", f"{npm.parent}:/bin")
+    module.detector_file()
+    assert registry[0].startswith("https://configured.example/@mediapipe/")
+
+
+def test_without_npm_the_message_says_what_to_do(
+    registry: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("npm_config_registry")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(RunError, match="install npm or set npm_config_registry"):
+        module.detector_file()
