@@ -42,7 +42,7 @@ def test_nothing_of_the_current_folder_is_run(tmp_path: Path, inherited: bool) -
         ["shot", "small.yaml", "--frame", "0"],
         ["verify", "datasets/small", "--frames", "1", "--workers", "1"],
     ]
-    for command in commands[:1] if inherited else commands:
+    for command in commands:
         done = subprocess.run([recipe, *command], cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         assert not (tmp_path / "ran").exists(), (command, (tmp_path / "ran").read_text())
