@@ -120,7 +120,7 @@ def street() -> list[Body]:
 
 
 def parts_at(frame: int = 0) -> Array:
-    """Where the walker and the car are."""
+    """Return the transforms of the walker and the car at a frame."""
     return np.stack(
         [from_pose(Pose(x=7.0, y=2.0 - 0.1 * frame, yaw=20)), from_pose(Pose(x=12.0 - 0.2 * frame, y=-2.0, yaw=170))]
     )
@@ -162,7 +162,7 @@ _CLEAR = {
 def appearance(
     altitude: float = 45.0, azimuth: float = 250.0, looks: Colours | None = None, **weather: float
 ) -> AppearancePlan:
-    """An appearance of the street: clear noon but for what is given."""
+    """Return an appearance of the street: clear noon, changed by the given parameters."""
     return AppearancePlan(
         seed=3,
         weather=Weather(**{**_CLEAR, **weather}),

@@ -1,4 +1,4 @@
-"""What a camera makes of light: each setting follows its formula, and none but the lens touches a label."""
+"""Camera settings: each one follows its formula, and only lens distortion changes labels."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def shot(renderer: Renderer, weather: str = "noon", /, **settings: Setting) -> P
 
 
 def linear(picture: Picture) -> NDArray[np.float64]:
-    """Display light of sRGB levels."""
+    """Return the linear display light of sRGB levels."""
     v = picture / 255.0
     light: NDArray[np.float64] = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
     return light
 
 
 def light(picture: Picture) -> NDArray[np.float64]:
-    """The light that the tone curve made a picture of, by bisection."""
+    """Invert the tone curve by bisection: return the light of a picture before tone mapping."""
     y, low, high = linear(picture), np.zeros(picture.shape), np.full(picture.shape, 7.5)
     for _ in range(40):
         x = (low + high) / 2.0
@@ -55,13 +55,13 @@ def light(picture: Picture) -> NDArray[np.float64]:
 
 
 def from_centre() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Offsets of pixels from the centre, in widths."""
+    """Return the pixels' offsets from the centre, in image widths."""
     y, x = np.mgrid[0:HIGH, 0:WIDE]
     return (x + 0.5 - WIDE / 2) / WIDE, (y + 0.5 - HIGH / 2) / WIDE
 
 
 def assert_gain(changed: Picture, plain: Picture, gain: ArrayLike) -> None:
-    """Light is `gain` times what it was, as far as eight bits tell."""
+    """Assert that light is multiplied by `gain`, within the precision of eight bits."""
     middle = (plain > 70) & (plain < 200) & (changed > 70) & (changed < 235)
     wanted = np.broadcast_to(np.asarray(gain, float), plain.shape)[middle]
     assert middle.sum() > 300
@@ -84,7 +84,7 @@ def test_lens_circle_follows_its_formula(renderer: Renderer, multiplier: float, 
     assert_gain(shot(renderer, vignette_intensity=0.0, **rim), none, (1.0 - multiplier * square**falloff)[..., None])
 
 
-def test_a_heavy_rim_is_black(renderer: Renderer) -> None:
+def test_a_strong_lens_circle_is_black_in_the_corners(renderer: Renderer) -> None:
     picture = shot(renderer, lens_circle_multiplier=10.0, lens_circle_falloff=1.0)
     assert picture[0, 0].max() == 0 and picture[HIGH // 2, WIDE // 2].max() > 20
 
@@ -93,10 +93,10 @@ def test_exposure_compensation_is_in_stops(renderer: Renderer) -> None:
     assert_gain(shot(renderer, exposure_compensation=-1.0), shot(renderer), 0.5)
 
 
-def test_manual_exposure_goes_by_shutter_iso_and_aperture(renderer: Renderer) -> None:
+def test_manual_exposure_depends_on_shutter_iso_and_aperture(renderer: Renderer) -> None:
     sunny: dict[str, Setting] = {"exposure_mode": "manual", "shutter_speed": 100.0, "fstop": 16.0}
     base = shot(renderer, **sunny)
-    assert_gain(base, shot(renderer), 1.0)  # the sunny sixteen at noon
+    assert_gain(base, shot(renderer), 1.0)  # the sunny 16 rule
     for change, gain in (({"shutter_speed": 200.0}, 0.5), ({"fstop": 16.0 * 2**0.5}, 0.5), ({"iso": 50.0}, 0.5)):
         assert_gain(shot(renderer, **{**sunny, **change}), base, gain)
     day, night = (shot(renderer, weather, **sunny).mean() for weather in ("noon", "night"))
@@ -118,8 +118,8 @@ def test_white_balance_is_a_gain_of_each_channel(renderer: Renderer) -> None:
         assert_gain(shot(renderer, **{name: value}), base, gains)
 
 
-def test_white_balance_makes_its_own_light_white() -> None:
-    """Chromaticities of black bodies from the CIE's tables (Wyszecki and Stiles, 1(3.3.4))."""
+def test_white_balance_makes_light_of_its_temperature_white() -> None:
+    """Reference: chromaticities of black bodies from the CIE's tables (Wyszecki and Stiles, 1(3.3.4))."""
     for kelvin, x, y in ((2856.0, 0.4475, 0.4074), (5000.0, 0.3451, 0.3516), (10000.0, 0.2807, 0.2884)):
         xyz = np.array([x / y, 1.0, (1.0 - x - y) / y])
         rgb = np.array([[3.2405, -1.5371, -0.4985], [-0.9693, 1.876, 0.0416], [0.0556, -0.204, 1.0572]]) @ xyz
@@ -132,7 +132,7 @@ def test_white_balance_makes_its_own_light_white() -> None:
         assert gains @ [0.2126, 0.7152, 0.0722] == pytest.approx(1.0)
 
 
-def test_noise_grows_as_the_root_of_iso(renderer: Renderer) -> None:
+def test_noise_is_proportional_to_the_root_of_iso(renderer: Renderer) -> None:
     clean = shot(renderer, "foggy").astype(float)
     patch = (clean > 60) & (clean < 190)
 
@@ -148,8 +148,8 @@ def test_noise_grows_as_the_root_of_iso(renderer: Renderer) -> None:
     assert abs(float(noisy[patch].mean())) < 0.05 * float(noisy[patch].std())
 
 
-def test_supersampling_comes_nearer_to_the_truth(renderer: Renderer) -> None:
-    """The truth: pixels of a picture eight times as large, at its own samples alone, averaged in display light."""
+def test_supersampling_reduces_the_error(renderer: Renderer) -> None:
+    """Reference: a picture of eight times the width and height without antialiasing, averaged in display light."""
     fine = CAMERA.model_copy(update={"width": 8 * WIDE, "height": 8 * HIGH})
     seen = renderer.observe(fine, EYE, parts_at())
     large = renderer.shade(seen, having(antialias=False), "street", 0, 0.0)
@@ -161,24 +161,24 @@ def test_supersampling_comes_nearer_to_the_truth(renderer: Renderer) -> None:
     assert errors[3] < 0.35 * errors[0]
 
 
-def test_an_hdr_image_of_one_sample_a_pixel_gives_the_plain_picture(renderer: Renderer) -> None:
-    """Imperceptible effects go through the HDR image and change only roundings."""
+def test_the_hdr_image_of_one_sample_per_pixel_gives_the_plain_picture(renderer: Renderer) -> None:
+    """Effects of negligible strength use the HDR image and change a level by at most 1, by rounding."""
     plain = shot(renderer).astype(int)
     for effect in ("bloom_intensity", "chromatic_aberration_intensity"):
         assert np.abs(shot(renderer, **{effect: 1e-6}) - plain).max() <= 1
 
 
-def test_bloom_sheds_light_about_bright_places_and_loses_none(renderer: Renderer) -> None:
+def test_bloom_spreads_light_around_bright_pixels_and_preserves_the_sum(renderer: Renderer) -> None:
     dark, lit, strong = (shot(renderer, "night", bloom_intensity=b, vignette_intensity=0.0) for b in (0.0, 1.0, 4.0))
     near = linear(dark).max(axis=2) < 0.02
     assert linear(dark)[near].mean() < linear(lit)[near].mean() < linear(strong)[near].mean()
     assert light(strong).mean() == pytest.approx(light(dark).mean(), rel=0.1)
 
 
-def test_red_and_blue_part_towards_the_corners(renderer: Renderer) -> None:
+def test_chromatic_aberration_shifts_red_and_blue_towards_the_corners(renderer: Renderer) -> None:
     plain, parted = shot(renderer), shot(renderer, chromatic_aberration_intensity=4.0)
     changed = plain.astype(int) != parted
-    assert changed[..., 1].mean() < 0.02  # green keeps its place, but for roundings
+    assert changed[..., 1].mean() < 0.02  # green is not shifted; only rounding differs
     assert changed[..., 0].mean() > 0.1 and changed[..., 2].mean() > 0.1
     middle = (slice(HIGH // 2 - 8, HIGH // 2 + 8), slice(WIDE // 2 - 8, WIDE // 2 + 8))
     offset = shot(renderer, chromatic_aberration_intensity=4.0, chromatic_aberration_offset=0.5)
@@ -201,7 +201,7 @@ SETTINGS: list[dict[str, Setting]] = [
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: next(iter(s)))
-def test_colour_settings_touch_no_label_and_no_other_picture(renderer: Renderer, settings: dict[str, Setting]) -> None:
+def test_camera_settings_change_no_label_and_no_other_picture(renderer: Renderer, settings: dict[str, Setting]) -> None:
     fresh = renderer.observe(CAMERA, EYE, parts_at(5))
     labels = fresh.depth.tobytes(), fresh.instance.tobytes(), fresh.semantic.tobytes(), fresh.objects
     before = renderer.shade(fresh, having(), "street", 5, 0.2)
@@ -223,8 +223,8 @@ def test_the_tone_table_is_srgb_by_default() -> None:
     assert table[int(0.5 * (int(LEVELS) - 1))] == 187  # IEC 61966-2-1: 0.735
 
 
-def test_noise_is_normal_and_each_channels_own(renderer: Renderer) -> None:
-    """One hash a pixel serves three channels, by bits that have nothing to do with each other."""
+def test_noise_is_normal_and_independent_per_channel(renderer: Renderer) -> None:
+    """Each channel takes its own bits of one hash per pixel; the channels must not correlate."""
     deviates = exposure.deviates().astype(float)
     assert abs(deviates.mean()) < 1e-6 and deviates.std() == pytest.approx(1.0, abs=1e-6)
     assert (np.diff(deviates) > 0).all()

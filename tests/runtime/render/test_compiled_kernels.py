@@ -1,4 +1,4 @@
-"""Compiled kernels are checked by digest when they are loaded: a damaged one is compiled again, and says so once."""
+"""Compiled kernels are checked by digest when loaded: damaged ones are compiled again, with one warning."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def count_up(out: wp.array(dtype=wp.int32)):
 
 
 def drawn() -> list[int]:
-    """What the kernel makes, loaded anew as by a fresh process."""
+    """Return the kernel's output after loading it as a new process does."""
     count_up.module.unload()
     launch_module._loaded.clear()
     out = zeros(4, wp.int32, "cpu")
@@ -45,25 +45,25 @@ def drawn() -> list[int]:
 
 
 @pytest.mark.slow
-def test_the_first_compilation_says_that_it_takes_a_while(
+def test_the_first_compilation_logs_that_it_takes_a_while(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The first picture on a machine took a minute without a word; off a terminal there is not even a bar."""
+    """Without the notice, the first picture on a machine took a minute without any output."""
     folder = tmp_path / "kernels" / "0.1.0-x86_64" / wp.config.version
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(folder))
     for messages in ([FIRST], []):
-        monkeypatch.setattr(compiled, "_announced", set())  # as in another process
+        monkeypatch.setattr(compiled, "_announced", set())  # as in a new process
         drawn()
         assert caplog.messages == messages
         caplog.clear()
-    next(folder.glob("wp_*")).rename(folder / "wp_other_1234567")  # another module is there
+    next(folder.glob("wp_*")).rename(folder / "wp_other_1234567")  # another module is present
     drawn()
     assert caplog.messages == []
 
 
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of the kernel, compiled into a cache of the test's own."""
+    """Return the folder of the kernel, compiled into the test's own cache."""
     create_cache_folder(tmp_path)
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path / "kernels" / "0.1.0-x86_64" / wp.config.version))
     monkeypatch.setattr(compiled, "_warned", set())
@@ -110,7 +110,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_kernel_is_compiled_again(module: Path, damage: str, caplog: pytest.LogCaptureFixture) -> None:
-    """An empty one ended in a traceback for good, exit 1; an altered one drew other pixels."""
+    """Regression: an empty kernel file caused a traceback in every run; an altered one rendered wrong pixels."""
     DAMAGES[damage](module)
     assert not compiled.is_whole(module)
     assert drawn() == [0, 1, 2, 3]
@@ -121,14 +121,14 @@ def test_a_damaged_kernel_is_compiled_again(module: Path, damage: str, caplog: p
     assert caplog.messages == []
 
 
-def test_a_whole_kernel_is_not_compiled_again(module: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_intact_kernel_is_not_compiled_again(module: Path, caplog: pytest.LogCaptureFixture) -> None:
     before = _object(module).stat().st_mtime_ns
     assert drawn() == [0, 1, 2, 3]
     assert _object(module).stat().st_mtime_ns == before
     assert caplog.messages == []
 
 
-def test_many_damaged_kernels_make_one_line(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_many_damaged_kernels_give_one_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     for name in ("wp_a_0000000", "wp_b_0000000"):
         folder = tmp_path / "kernels" / "0.1.0-x86_64" / "1.19.0" / name
         folder.mkdir(parents=True)
@@ -138,9 +138,7 @@ def test_many_damaged_kernels_make_one_line(tmp_path: Path, caplog: pytest.LogCa
     assert len(caplog.messages) == 1
 
 
-def test_a_damaged_kernel_that_cannot_be_removed_is_the_hosts_failure(
-    module: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_damaged_kernel_that_cannot_be_removed_is_a_run_error(module: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def sealed(path: Path, root: Path) -> None:
         raise OSError(30, "Read-only file system", str(path))
 
@@ -152,7 +150,7 @@ def test_a_damaged_kernel_that_cannot_be_removed_is_the_hosts_failure(
         drawn()
 
 
-def test_a_list_that_cannot_be_written_stops_nothing(module: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unwritable_digest_list_is_not_an_error(module: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, body: bytes) -> None:
         raise OSError(28, "No space left on device", str(path))
 
@@ -165,7 +163,7 @@ def test_a_list_that_cannot_be_written_stops_nothing(module: Path, monkeypatch: 
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_no_change_of_a_byte_goes_unnoticed(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_every_changed_byte_is_detected(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     folder = tmp_path_factory.mktemp("kernels") / "wp_a_0000000"
     folder.mkdir()
     bodies = data.draw(st.fixed_dictionaries({end: st.binary(min_size=1, max_size=40) for end in ("o", "meta")}))
@@ -194,7 +192,7 @@ assert drawn() == [0, 1, 2, 3]
 
 @pytest.mark.slow
 def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
-    """The second waits for the first, and neither takes the other's half-finished work for damage."""
+    """The second process waits for the first; neither mistakes the other's unfinished files for damage."""
     environment = {**os.environ, "RECIPE_KERNEL_CACHE": str(tmp_path)}
     pipe = subprocess.PIPE
     children = [
@@ -215,7 +213,7 @@ def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
     assert "".join(err for _, err in reported) == f"{FIRST}\n"
 
 
-def test_a_process_that_is_stopped_while_it_compiles_is_not_waited_for_forever(
+def test_a_process_does_not_wait_forever_for_a_stopped_compilation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "LOCK_SECONDS", 0.2)
@@ -224,7 +222,7 @@ def test_a_process_that_is_stopped_while_it_compiles_is_not_waited_for_forever(
 
 
 @pytest.mark.slow
-def test_the_notice_goes_to_standard_error_alone(tmp_path: Path) -> None:
+def test_the_notice_goes_only_to_standard_error(tmp_path: Path) -> None:
     code = "import logging; from recipe_runtime.render.device import compiled; from pathlib import Path\n"
     code += f"compiled._discard(Path({str(tmp_path)!r}) / 'kernels' / '0.1.0-x86_64' / '1.19.0' / 'wp_a_0000000')"
     (tmp_path / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_a_0000000").mkdir(parents=True)

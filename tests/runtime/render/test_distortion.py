@@ -1,4 +1,4 @@
-"""Lens distortion: every modality bends by the one formula, and annotations are those of the bent picture."""
+"""Lens distortion: all modalities use one formula, and annotations describe the distorted image."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ BENDS = [(0.15, 0.0), (0.4, 0.0), (-0.1, 0.0), (0.0, 0.2), (0.3, -0.1)]
 AHEAD = from_pose(Pose(z=1.5))
 
 
-def bent_camera(k: float, kcube: float) -> CameraPlan:
+def distorted_camera(k: float, kcube: float) -> CameraPlan:
     return CameraPlan(width=WIDE, height=HIGH, fov=FOV, lens_k=k, lens_kcube=kcube)
 
 
 def source(x: Any, y: Any, k: float, kcube: float) -> tuple[Any, Any]:
-    """Where a pinhole shows what a lens shows at offsets x, y from the centre, in pixels: the documented formula."""
+    """Return the undistorted offsets of distorted ones (from the centre, in pixels), by the documented formula."""
     r = np.hypot(x, y) / (WIDE / 2)
     f = 1.0 + k * r**2 + kcube * r**3
     return x * f, y * f
@@ -48,7 +48,7 @@ def offsets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 @pytest.fixture(scope="module")
 def wall() -> Renderer:
-    """A wall 10 m ahead, another in front of its left half, and level ground."""
+    """Return a wall 10 m ahead, another in front of its left half, and level ground."""
     far = box([10.0, -200.0, -100.0], [11.0, 200.0, 200.0], Surface("wall", Pattern.PLAIN, 3))
     near = box([9.99, 3.0, -100.0], [10.5, 200.0, 200.0], Surface("pane", Pattern.PLAIN, 26))
     floor = ground(300.0, Surface("asphalt", Pattern.PLAIN, 1))
@@ -56,12 +56,12 @@ def wall() -> Renderer:
 
 
 def observe(renderer: Renderer, k: float, kcube: float, pose: Array = AHEAD, parts: Array | None = None) -> Observation:
-    return renderer.observe(bent_camera(k, kcube), pose, np.zeros((0, 3, 4)) if parts is None else parts)
+    return renderer.observe(distorted_camera(k, kcube), pose, np.zeros((0, 3, 4)) if parts is None else parts)
 
 
 @pytest.mark.parametrize("k, kcube", BENDS)
-def test_a_straight_edge_bends_by_the_formula(wall: Renderer, k: float, kcube: float) -> None:
-    """The edge at y = 3 m of a wall 9.99 m away: a pinhole shows it on a column; where the lens does, by bisection."""
+def test_a_straight_edge_is_distorted_by_the_formula(wall: Renderer, k: float, kcube: float) -> None:
+    """The edge at y = 3 m of a wall 9.99 m away is a column without distortion; its distorted place is by bisection."""
     semantic = observe(wall, k, kcube).semantic
     column = -3.0 / 9.99 * FOCAL
     checked = 0
@@ -72,14 +72,14 @@ def test_a_straight_edge_bends_by_the_formula(wall: Renderer, k: float, kcube: f
             x = (low + high) / 2.0
             low, high = (x, high) if source(x, y, k, kcube)[0] < column else (low, x)
         is_near = semantic[row] == 26
-        if is_near.any() and semantic[row, np.flatnonzero(is_near).max() + 1] == 3:  # and no ground between
+        if is_near.any() and semantic[row, np.flatnonzero(is_near).max() + 1] == 3:  # and no ground in between
             assert abs(np.flatnonzero(is_near).max() + 1.0 - (low + WIDE / 2)) <= 0.75
             checked += 1
     assert checked > 8
 
 
 @pytest.mark.parametrize("k, kcube", BENDS)
-def test_depth_is_the_optical_axis_at_the_bent_place(wall: Renderer, k: float, kcube: float) -> None:
+def test_depth_is_along_the_optical_axis_at_the_distorted_place(wall: Renderer, k: float, kcube: float) -> None:
     seen = observe(wall, k, kcube)
     assert np.abs(seen.depth[seen.semantic == 3] - 10.0).max() < 1e-4
     _, down = source(*offsets(), k, kcube)
@@ -91,8 +91,8 @@ def test_depth_is_the_optical_axis_at_the_bent_place(wall: Renderer, k: float, k
 
 
 @pytest.mark.parametrize("k, kcube", BENDS)
-def test_colour_bends_with_the_labels(k: float, kcube: float) -> None:
-    """A flat red walker: the red pixels are the mask, but for its edge."""
+def test_colour_is_distorted_like_labels(k: float, kcube: float) -> None:
+    """Red pixels of a plain red walker equal the mask, except at its edge."""
     renderer = Renderer(street())
     seen = observe(renderer, k, kcube, EYE, parts_at())
     plan = WEATHERS["foggy"].model_copy(update={"responses": {"street": CameraResponse(noise=0.0)}})
@@ -111,7 +111,7 @@ def test_colour_bends_with_the_labels(k: float, kcube: float) -> None:
 
 
 @pytest.mark.parametrize("k, kcube", BENDS)
-def test_boxes_and_extents_are_the_bent_pictures(k: float, kcube: float) -> None:
+def test_boxes_and_extents_are_of_the_distorted_image(k: float, kcube: float) -> None:
     renderer = Renderer(street())
     for frame in (0, 8, 14):
         seen = observe(renderer, k, kcube, EYE, parts_at(frame))
@@ -131,7 +131,7 @@ def test_boxes_and_extents_are_the_bent_pictures(k: float, kcube: float) -> None
                 assert np.abs(np.array(view.projected) - view.amodal_box).max() < 1.3
 
 
-def test_a_pinhole_is_its_own_undistorted_camera() -> None:
+def test_the_undistorted_camera_of_a_pinhole_is_the_pinhole() -> None:
     camera = CameraPlan(width=WIDE, height=HIGH, fov=FOV)
     assert undistorted_camera(camera) is camera
     assert (
@@ -142,8 +142,8 @@ def test_a_pinhole_is_its_own_undistorted_camera() -> None:
 
 
 @pytest.mark.parametrize("k, kcube", BENDS)
-def test_the_undistorted_image_holds_all_that_the_lens_shows(k: float, kcube: float) -> None:
-    camera = bent_camera(k, kcube)
+def test_the_undistorted_image_covers_the_distorted_one(k: float, kcube: float) -> None:
+    camera = distorted_camera(k, kcube)
     width, height, fine = optics.undistorted_size(camera, 1)
     x, y = source(*offsets(), k, kcube)
     assert np.abs(x).max() * fine < width / 2 and np.abs(y).max() * fine < height / 2
@@ -171,7 +171,7 @@ output: {annotations: [kwcoco, coco]}
 
 
 @pytest.mark.slow
-def test_a_bent_dataset_passes_the_validator(tmp_path: Path) -> None:
+def test_a_dataset_with_distortion_passes_verification(tmp_path: Path) -> None:
     (tmp_path / "bent.yaml").write_text(BENT)
     build(compile_recipe(tmp_path / "bent.yaml").plan, tmp_path / "out", workers=1)
     found = [problems(path, tmp_path / "out") for path in sorted((tmp_path / "out").rglob("coco/*.json"))]
@@ -180,8 +180,8 @@ def test_a_bent_dataset_passes_the_validator(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_a_renderer_remembers_does_not_matter_to_a_bend() -> None:
-    """A bent frame alone is the frame of the sequence, whatever the renderer remembers."""
+def test_reuse_does_not_change_a_distorted_frame() -> None:
+    """A distorted frame rendered alone equals the frame of a sequence with temporal reuse."""
     running, plan = Renderer(street()), appearance(looks=LOOKS)
     for frame in range(3):
         seen = observe(running, 0.3, 0.0, EYE, parts_at(frame))

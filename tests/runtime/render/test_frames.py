@@ -1,4 +1,4 @@
-"""A frame is a pure function of its plan and number: golden digests, and nothing that caches could change."""
+"""A frame is a pure function of its plan and number: golden digests, and equality with and without caches."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def picture(renderer: Renderer, frame: int, weather: str = "rainy") -> bytes:
 
 
 def test_golden_digests() -> None:
-    """Renew them with `python -m tests.golden.renew_render` when pixels are meant to move."""
+    """Renew the digests with `python -m tests.golden.renew_render` after an intended change of pixels."""
     assert golden_digests() == json.loads(GOLDEN.read_text())
 
 
-def test_a_frame_alone_is_the_frame_of_the_sequence() -> None:
+def test_a_frame_rendered_alone_equals_that_of_a_sequence() -> None:
     running = Renderer(street())
     for weather in ("noon", "rainy", "night"):
         sequence = [picture(running, frame, weather) for frame in range(4)]
@@ -56,7 +56,7 @@ def test_a_frame_alone_is_the_frame_of_the_sequence() -> None:
         assert len(set(sequence)) == 4
 
 
-def test_order_of_appearances_and_caches_changes_nothing() -> None:
+def test_the_order_of_appearances_and_caches_change_no_byte() -> None:
     forward, backward = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     a, b = (r.observe(CAMERA, EYE, parts_at()) for r in (forward, backward))
     names = list(WEATHERS)
@@ -67,8 +67,8 @@ def test_order_of_appearances_and_caches_changes_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_what_a_static_camera_remembers_changes_nothing() -> None:
-    """The walker and the car pass; lamps, shadows and puddles are theirs as if no frame had come before."""
+def test_reuse_at_a_static_camera_changes_no_byte() -> None:
+    """With a walker and a car that move through lamp light, shadows and puddles."""
     keeping, forgetting = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     for frame in (0, 1, 2, 9, 30):
         for weather in WEATHERS:
@@ -77,8 +77,8 @@ def test_what_a_static_camera_remembers_changes_nothing() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [field.name for field in fields(TemporalReuse)])
-def test_each_level_of_reuse_may_be_off_and_changes_nothing(level: str) -> None:
-    """The benchmark of the levels compares like with like; the others work without the level."""
+def test_each_level_of_reuse_can_be_off_without_changing_a_byte(level: str) -> None:
+    """The benchmark of the levels depends on it: it compares equal pictures."""
     without, alone = Renderer(street(), reuse=replace(ALL_REUSE, **{level: False})), Renderer(street(), reuse=NO_REUSE)
     for frame in (0, 1, 2, 9):
         for weather in WEATHERS:
@@ -88,8 +88,8 @@ def test_each_level_of_reuse_may_be_off_and_changes_nothing(level: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [range(0, 60, 4), (0, 1, 30, 1, 2, 2, 31, 0, 9, 45, 9)], ids=["on", "to and fro"])
 @pytest.mark.parametrize("weather", STANDING_WATER)
-def test_what_still_water_mirrored_before_changes_nothing(weather: str, order: Sequence[int]) -> None:
-    """Rays, what they met and what was developed of it are kept, while a walker and a car come, go, and come again."""
+def test_reuse_of_reflections_in_still_water_changes_no_byte(weather: str, order: Sequence[int]) -> None:
+    """Rays, their hits and developed pixels are reused while a walker and a car enter and leave several times."""
     keeping, plan = Renderer(street()), STANDING_WATER[weather]
     for frame in order:
         seen, now = keeping.observe(CAMERA, EYE, parts_at(frame)), frame / 30
@@ -99,8 +99,8 @@ def test_what_still_water_mirrored_before_changes_nothing(weather: str, order: S
 
 
 @pytest.mark.slow
-def test_a_shadow_that_comes_onto_blades_in_the_wind_is_seen() -> None:
-    """They are lit as the wind has turned them: a shadow's rim may take from them what it leaves to a still lawn."""
+def test_a_shadow_that_reaches_grass_in_the_wind_is_rendered() -> None:
+    """Wind turns the blades, so a penumbra can darken them where it would leave still grass lit."""
     looks, blades = {"lawn": {"blades": "#4c6b2c"}, "hero": {"shirt": "#b03030"}}, Surface("blades", Pattern.GRASS, 9)
     walker = Body("hero", 12001, (("body", box([-0.2, -0.25, 0.0], [0.2, 0.25, 1.7], CLOTH)),))
     bodies = [Body("lawn", 0, (("base", ground(60, blades)),)), walker]
@@ -116,8 +116,8 @@ def test_a_shadow_that_comes_onto_blades_in_the_wind_is_seen() -> None:
         np.testing.assert_array_equal(kept, alone)
 
 
-def test_two_cameras_at_one_place_keep_their_own() -> None:
-    """What is kept is a sensor's: another, which exposes longer, has pictures of its own of the same light."""
+def test_two_cameras_with_one_pose_have_caches_of_their_own() -> None:
+    """Cached pixels belong to a sensor: one with another exposure must not get them."""
     bright = STANDING_WATER["still"].model_copy(
         update={"responses": {"bright": CameraResponse(exposure_compensation=1)}}
     )
@@ -130,7 +130,7 @@ def test_two_cameras_at_one_place_keep_their_own() -> None:
             np.testing.assert_array_equal(both.shade(seen, bright, sensor, frame, 0.0), expected)
 
 
-def test_one_frames_weathers_share_what_is_remembered() -> None:
+def test_weathers_of_a_frame_share_caches_without_changing_a_byte() -> None:
     keeping = Renderer(street())
     for frame in (0, 1, 2, 3):
         seen = keeping.observe(CAMERA, EYE, parts_at(frame))
@@ -138,8 +138,8 @@ def test_one_frames_weathers_share_what_is_remembered() -> None:
     assert shots == {n: picture(Renderer(street()), 3, n) for n in WEATHERS}
 
 
-def test_shading_leaves_the_patterns_of_samples_alone() -> None:
-    """The depth of puddles, which all wet weathers share, is stored beside the patterns and not over their numbers."""
+def test_shading_does_not_change_the_details_of_samples() -> None:
+    """All wet weathers share the puddle depths, which have an array of their own."""
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())
     samples = renderer._camera._sampler.points(seen, antialias=True).data
@@ -150,8 +150,8 @@ def test_shading_leaves_the_patterns_of_samples_alone() -> None:
     assert (known < 0.0).any() and (known == 0.0).any()
 
 
-def test_an_older_frame_may_be_shaded_after_a_newer_one() -> None:
-    """They share what stands still, and its arrays serve one of them at a time."""
+def test_an_older_frame_can_be_shaded_after_a_newer_one() -> None:
+    """Both share the arrays of static samples, which hold the state of one frame at a time."""
     renderer, weather = Renderer(street()), WEATHERS["rainy"]
     seen = {frame: renderer.observe(CAMERA, EYE, parts_at(frame)) for frame in (0, 1, 9, 30)}
     for frame in (9, 30, 1, 30, 0, 9):
@@ -159,7 +159,7 @@ def test_an_older_frame_may_be_shaded_after_a_newer_one() -> None:
         assert shot == picture(Renderer(street()), frame)
 
 
-def test_labels_are_the_same_whatever_the_weather() -> None:
+def test_labels_do_not_depend_on_weather() -> None:
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())
     before = seen.depth.tobytes(), seen.instance.tobytes(), seen.semantic.tobytes(), seen.objects
@@ -170,7 +170,7 @@ def test_labels_are_the_same_whatever_the_weather() -> None:
         assert (o.depth.tobytes(), o.instance.tobytes(), o.semantic.tobytes(), o.objects) == before
 
 
-def test_noise_has_a_key_of_its_own_for_every_sensor_and_frame() -> None:
+def test_noise_differs_by_sensor_and_frame() -> None:
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())
     plan = WEATHERS["noon"]
@@ -182,7 +182,7 @@ def test_noise_has_a_key_of_its_own_for_every_sensor_and_frame() -> None:
     assert np.abs(still[0].astype(int) - shots[0]).max() < 40
 
 
-def test_antialiasing_touches_edges_only() -> None:
+def test_antialiasing_changes_only_edges() -> None:
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())
     plan = WEATHERS["noon"]

@@ -1,4 +1,4 @@
-"""The hours in every town: the lower the sun the darker the picture, down to a night that lamps light."""
+"""Times of day in every town: the lower the sun, the darker the picture, until lamps light the night."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.sources import ROOT
 LOW = Pose(x=1.5, y=14, z=1.6, yaw=84, pitch=2)  # in a lane
 NOBODY = np.zeros((0, 3, 4))
 HOURS = (15.0, 9.0, 5.0, 3.0, 1.0, 0.0, -2.0, -4.0, -6.0, -8.0, -10.0, -13.0, -20.0, -90.0)
-STEP, RISE = 3.0, 6.0  # levels of 255 that a picture may brighten by, from one hour to the next, and in all
+STEP, RISE = 3.0, 6.0  # how many of 255 levels a picture may brighten by, from one hour to the next and in total
 WEATHERS: dict[str, dict[str, float]] = {
     "clear": {"cloudiness": 10.0, "precipitation": 0.0, "fog_density": 0.0},
     "rain": {"cloudiness": 80.0, "precipitation": 60.0, "precipitation_deposits": 60.0, "wetness": 80.0},
@@ -41,7 +41,7 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
     sensor = variant.rig.sensors[0]
     camera = sensor.camera.model_copy(update={"width": 96, "height": 64})
     renderer = Renderer(town_bodies(variant.scene.town))
-    pose = LOW if town == "downtown" else sensor.pose(0)  # the recipe's camera looks down at the light of lamps
+    pose = LOW if town == "downtown" else sensor.pose(0)  # the recipe's camera looks down at places lit by lamps
     seen = renderer.observe(camera, from_pose(pose), NOBODY)
     calm = {sensor.name: CameraResponse(noise=0.0)}
     for name, weather in WEATHERS.items():
@@ -57,13 +57,13 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
         assert (8.0 if name == "dust" else 18.0) < night < dusk < evening, (name, light)
 
 
-def test_windows_are_lit_one_by_one_as_it_gets_dark() -> None:
+def test_the_number_of_lit_windows_grows_at_dusk() -> None:
     wall = Renderer([Body("wall", 0, (("s", box([20, -20, 0], [21, 20, 20], PANES)),))])
     seen = wall.observe(CameraPlan(width=160, height=80, fov=90), from_pose(Pose(z=10.0)), NOBODY)
     shares = []
     for altitude in (6.0, 4.0, 2.0, 0.0, -2.0):
         look = appearance(altitude, 0.0, {"wall": {"window": "#d8d4cc"}}, cloudiness=0.0)
-        other = look.model_copy(update={"seed": 4})  # which draws other windows
+        other = look.model_copy(update={"seed": 4})  # (other windows are drawn)
         one, two = (wall.radiance(seen, drawn)[..., 0] for drawn in (look, other))
         shares.append(float((np.abs(one - two) > 0.1 * np.median(one)).mean()))
     assert shares[0] == 0.0
@@ -71,8 +71,8 @@ def test_windows_are_lit_one_by_one_as_it_gets_dark() -> None:
     assert shares[-1] > 0.1
 
 
-def test_what_shines_keeps_its_place_in_the_picture() -> None:
-    """From sunset on, a window is shown nearly as bright as by night, and a traffic light never burns out."""
+def test_light_sources_are_neither_dim_at_dusk_nor_overexposed() -> None:
+    """From sunset on, a window is nearly as bright as at night, and a traffic light is never overexposed."""
     lights = [initial_light(appearance(altitude), "cpu") for altitude in (-1.0, -4.0, -8.0, -14.0, -60.0)]
     shown = [light.air.emissive_gain * light.exposure() for light in lights]
     assert max(shown) < 2.5 * min(shown)
@@ -80,7 +80,7 @@ def test_what_shines_keeps_its_place_in_the_picture() -> None:
         assert 0.05 < light.air.signal * light.exposure() < 0.95
 
 
-def test_a_street_without_lamps_is_exposed_for_longer() -> None:
+def test_a_street_without_lamps_has_a_longer_exposure() -> None:
     def lamps(count: int) -> Geometry:
         lit = tuple(Light((4.0 * k, 5.0, 6.0), (0.0, 0.0, -1.0), (1.0, 0.8, 0.6), 1400.0, 0.25) for k in range(count))
         return Renderer([Body("wall", 0, (("s", box([0, 5, 0], [1, 6, 6], PANES, lit)),))])._geometry
@@ -92,13 +92,13 @@ def test_a_street_without_lamps_is_exposed_for_longer() -> None:
     gains = [night.exposure(level) for level in light]
     assert gains == sorted(gains, reverse=True)
     near, past = (lamplight(lamps(6), eye + np.array([dx, 0.0, 0.0])) for dx in (0.0, 1.0))
-    assert abs(past - near) < 0.06 * near  # a metre on, hardly more
+    assert abs(past - near) < 0.06 * near  # one metre on, the exposure hardly changes
     noon = initial_light(appearance(60.0), "cpu")
     assert noon.exposure(0.3) == noon.exposure(2.0)
 
 
 @pytest.mark.parametrize("car", [b for b in blueprints.LIBRARY if blueprints.parks(b)], ids=lambda b: b.id)
-def test_a_parked_car_is_dark_and_one_that_drives_is_not(car: blueprints.Blueprint) -> None:
+def test_only_a_driving_car_has_its_lights_on(car: blueprints.Blueprint) -> None:
     parked, driven = (actor_body(plan(car).model_copy(update={"speed": speed})) for speed in (0.0, 8.0))
     assert sum(len(mesh.lights) for _, mesh in driven.parts) == 2
     assert sum(len(mesh.lights) for _, mesh in parked.parts) == 0

@@ -1,4 +1,4 @@
-"""Images on surfaces: their own colours close by, their mean light far away, and nothing that shimmers between."""
+"""Images on surfaces: exact colours up close, mean light far away, and no flicker in between."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Pixels = NDArray[np.uint8]
 
 
 def board(width: float, height: float, repeats: float = 1.0) -> Mesh:
-    """A board at x = 0 that faces -x, its middle at the height of 10 m: on its left, seen from there, u is 0."""
+    """Return a board at x = 0 that faces -x, its centre at a height of 10 m; u is 0 at the viewer's left."""
     w, low, high, n = width / 2, 10.0 - height / 2, 10.0 + height / 2, repeats
     corners = [[0, w, low], [0, -w, low], [0, -w, high], [0, w, high]]
     uvs: list[list[float]] = [[0, n], [n, n], [n, 0], [0, 0]]
@@ -35,7 +35,7 @@ def board(width: float, height: float, repeats: float = 1.0) -> Mesh:
 
 
 def lit(image: Pixels | None, repeat: bool = False, **weather: float) -> AppearancePlan:
-    """Clear noon, the sun behind the eye; the board in white, with an image if there is one."""
+    """Return clear noon with the sun behind the camera and a white board, with or without an image."""
     plan = appearance(30.0, azimuth=180.0, looks={"board": {"face": "#ffffff"}}, **{"fog_density": 0.0, **weather})
     file = FilePlan(sha256="0" * 64, bytes=1, kind="png")
     textures = {} if image is None else {"board": {"face": TexturePlan(file=file, repeat=repeat)}}
@@ -43,7 +43,7 @@ def lit(image: Pixels | None, repeat: bool = False, **weather: float) -> Appeara
 
 
 def albedo(mesh: Mesh, image: Pixels, pose: Pose, camera: CameraPlan, repeat: bool = False) -> NDArray[np.float64]:
-    """The linear colour of what is seen: where its light lies between plain black's and plain white's; NaN off it."""
+    """Return the board's linear colour [H, W, 3], NaN elsewhere: its light relative to a black and a white board."""
     renderer = Renderer([Body("board", 0, (("static", mesh),))], images=lambda texture: image)
     seen = renderer.observe(camera, from_pose(pose), NOBODY)
     black = lit(None).model_copy(update={"looks": Looks({"board": {"face": "#000000"}})})
@@ -58,35 +58,35 @@ def light(pixels: Pixels) -> NDArray[np.float64]:
 
 
 def noise(height: int, width: int) -> Pixels:
-    """Colours without a pattern."""
+    """Return an image of random colours."""
     n = np.arange(height * width * 3, dtype=np.uint64).reshape(height, width, 3)
     return ((n * np.uint64(2654435761)) >> np.uint64(9) & np.uint64(255)).astype(np.uint8)
 
 
 def chequers(size: int) -> Pixels:
-    """Black and white, texel by texel."""
+    """Return a chequerboard with squares of one texel."""
     y, x = np.mgrid[0:size, 0:size]
     return np.repeat((255 * ((x + y) % 2))[..., None], 3, axis=2).astype(np.uint8)
 
 
-def test_a_texel_seen_straight_on_has_its_exact_colour() -> None:
-    """A pixel a texel: what is seen is the image, upright and not mirrored."""
+def test_a_texel_seen_head_on_has_its_exact_colour() -> None:
+    """At one texel per pixel the picture shows the image, upright and not mirrored."""
     image = noise(24, 32)
     camera = CameraPlan(width=32, height=24, fov=90)
     found = albedo(board(32.0, 24.0), image, Pose(x=-16.0, z=10.0), camera)
     np.testing.assert_allclose(found, light(image), atol=2e-4)
 
 
-def test_close_by_it_goes_smoothly_from_texel_to_texel() -> None:
+def test_up_close_texels_are_interpolated() -> None:
     image = np.array([[[0, 0, 0], [255, 255, 255]]], np.uint8)
     found = albedo(board(2.0, 1.0), image, Pose(x=-1.0, z=10.0), CameraPlan(width=64, height=32, fov=90))
-    expected = np.clip((np.arange(64) + 0.5) / 32.0 - 0.5, 0.0, 1.0)  # its edges go on beyond the texels' middles
+    expected = np.clip((np.arange(64) + 0.5) / 32.0 - 0.5, 0.0, 1.0)  # edge texels extend beyond their centres
     np.testing.assert_allclose(found[16, :, 0], expected, atol=1e-3)
 
 
 @pytest.mark.parametrize("metres", [40.0, 97.0, 180.0])
-def test_fine_chequers_far_away_are_their_mean_light(metres: float) -> None:
-    """Half the light of white, which is level 188 of sRGB, within one level; and every pixel alike."""
+def test_a_distant_chequerboard_has_its_mean_light(metres: float) -> None:
+    """Every pixel has half the light of white, which is level 188 of sRGB, within one level."""
     camera = CameraPlan(width=48, height=48, fov=8)
     found = albedo(board(40.0, 40.0), chequers(1024), Pose(x=-metres, z=10.0), camera)[2:-2, 2:-2]
     inside = found[~np.isnan(found[..., 0])]
@@ -94,8 +94,8 @@ def test_fine_chequers_far_away_are_their_mean_light(metres: float) -> None:
     assert srgb_to_linear(187) < inside.min() and inside.max() < srgb_to_linear(189)
 
 
-def test_it_does_not_shimmer_when_the_camera_moves() -> None:
-    """A brick-like image at three to twelve texels a pixel: a twentieth of a pixel's move changes next to nothing."""
+def test_an_image_does_not_flicker_when_the_camera_moves() -> None:
+    """At 3 to 12 texels per pixel, a movement of 1/20 pixel changes a brick-like image by very little."""
     y, x = np.mgrid[0:512, 0:512]
     image = np.repeat(np.where((x % 8 < 2) | (y % 8 < 2), 250, 30)[..., None], 3, axis=2).astype(np.uint8)
     camera, mesh = CameraPlan(width=64, height=64, fov=40), board(40.0, 40.0)
@@ -107,8 +107,8 @@ def test_it_does_not_shimmer_when_the_camera_moves() -> None:
         assert np.abs(here - there)[inside].max() < 0.02
 
 
-def test_at_a_slant_it_is_sharp_across_and_smooth_along() -> None:
-    """Seen nearly edge on, stripes along the sight stay stripes; a mean both ways would be grey."""
+def test_filtering_is_anisotropic() -> None:
+    """Seen nearly edge-on, stripes along the view direction stay stripes; isotropic filtering would give grey."""
     y, _ = np.mgrid[0:256, 0:256]
     stripes = np.repeat(np.where(y % 64 < 32, 255, 0)[..., None], 3, axis=2).astype(np.uint8)
     camera = CameraPlan(width=96, height=96, fov=30)
@@ -118,7 +118,7 @@ def test_at_a_slant_it_is_sharp_across_and_smooth_along() -> None:
     assert len(column) > 40 and column.max() > 0.95 and np.sort(column)[len(column) // 4] < 0.08
 
 
-def test_beyond_its_edges_it_goes_on_or_starts_again() -> None:
+def test_beyond_its_edges_an_image_is_clamped_or_repeated() -> None:
     image = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255]]], np.uint8)
     camera, pose = CameraPlan(width=90, height=10, fov=90), Pose(x=-4.5, z=10.0)
     again, on = (albedo(board(9.0, 3.0, repeats=3.0), image, pose, camera, repeat)[5] for repeat in (True, False))
@@ -128,8 +128,8 @@ def test_beyond_its_edges_it_goes_on_or_starts_again() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (7, 3), (8, 8), (300, 9)])
-def test_levels_are_means_of_light_to_the_nearest_colour(shape: tuple[int, int]) -> None:
-    """Against fractions, texel by texel."""
+def test_mipmap_levels_are_means_of_light_rounded_to_the_nearest_colour(shape: tuple[int, int]) -> None:
+    """Reference: exact fractions, texel by texel."""
     image = noise(*shape)
     units = [round(srgb_to_linear(v) * 65535) for v in range(256)]
     levels = mip_levels(image)
@@ -144,7 +144,7 @@ def test_levels_are_means_of_light_to_the_nearest_colour(shape: tuple[int, int])
                 assert all(abs(units[got] - mean) <= abs(units[v] - mean) for v in (max(got - 1, 0), min(got + 1, 255)))
 
 
-def test_another_image_changes_no_pixel_that_does_not_show_it() -> None:
+def test_another_image_changes_only_pixels_that_show_it() -> None:
     wall = quad([[5, 30, 0], [5, -30, 0], [5, -30, 30], [5, 30, 30]], [[0, 0]] * 4, Surface("w", Pattern.PLASTER, 3))
     bodies = [Body("wall", 0, (("static", wall),)), Body("board", 0, (("static", board(6.0, 4.0)),))]
     images = {"1" * 64: noise(40, 60), "2" * 64: chequers(64)}
@@ -159,12 +159,12 @@ def test_another_image_changes_no_pixel_that_does_not_show_it() -> None:
     differ = (shown[0] != shown[1]).any(axis=2)
     near = seen.semantic == 20
     for axis in (0, 1):
-        near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)  # an edge's pixels show both
+        near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)  # pixels at an edge show both
     assert differ.sum() > 200 and not (differ & ~near).any()
 
 
 def test_images_of_props_are_read_once_while_those_of_patches_change(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And what is kept of large images is bounded."""
+    """The cache of large images is bounded."""
     monkeypatch.setattr("recipe_runtime.render.texture.mipmaps._ATLAS_CACHE_TEXELS", 64 * 64 * 3)
     geometry = upload([Body("board", 0, (("static", board(9.0, 7.0)),))], "cpu")
     own, *changing = (TexturePlan(file=FilePlan(sha256=f"{n:064x}", bytes=1, kind="png")) for n in range(5))
@@ -195,7 +195,7 @@ print(digest.hexdigest())
 
 
 @pytest.mark.slow
-def test_the_same_bytes_twice_and_whatever_the_processor_can() -> None:
+def test_bytes_do_not_depend_on_the_cpu() -> None:
     masked = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4", "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3"}
     seen = set()
     for environment in ({}, masked):
@@ -205,8 +205,8 @@ def test_the_same_bytes_twice_and_whatever_the_processor_can() -> None:
     assert len(seen) == 1 and len(seen.pop()) == 65
 
 
-def _reeled(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """A frame of an image at a slant, from the renderer and from a frame stream."""
+def _streamed(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Render an image at a slant with the renderer and with a frame stream."""
     camera, pose = CameraPlan(width=64, height=48, fov=70), from_pose(Pose(x=-9, y=6, z=10, yaw=-50))
     bodies = [Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))]
     renderer = Renderer(bodies, device, images=lambda texture: noise(61, 47))
@@ -217,12 +217,12 @@ def _reeled(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     return renderer.shade(renderer.observe(camera, pose, NOBODY), plan, "street", 1, 0.0), printed.pictures[0].copy()
 
 
-def test_a_reel_shows_images_too() -> None:
-    plain, reeled = _reeled("cpu")
+def test_a_frame_stream_has_the_renderers_bytes_of_an_image() -> None:
+    plain, reeled = _streamed("cpu")
     assert (plain == reeled).all()
 
 
 @pytest.mark.gpu
 def test_a_gpu_shows_the_same_bytes() -> None:
-    here, there = _reeled("cpu"), _reeled("cuda:0")
+    here, there = _streamed("cpu"), _streamed("cuda:0")
     assert (here[0] == there[0]).all() and (here[1] == there[1]).all()

@@ -1,7 +1,7 @@
-"""What wet ground mirrors is kept from frame to frame, and is what it would be if nothing were kept.
+"""Reflections in wet ground are reused from frame to frame without changing a byte.
 
-Thin posts give mirrored rays edges, and movers jump and come back, so that what is seen beside an edge changes without
-the edge. The scenes are drawn by seed; these are some that a rule left out of `reflection` shows in.
+Thin posts give reflections edges, and bodies jump and return, so that the picture beside an edge changes without the
+edge. Scenes are drawn by seed; each of these seeds fails if one of the rules of `reflection` is left out.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ WET: dict[str, AppearancePlan] = {
 
 
 def scene(draw: random.Random) -> tuple[list[Body], int, dict[str, dict[str, str]]]:
-    """The street with up to six posts and three more movers; how many of these, and the colours of all."""
+    """Return the street with up to 6 posts and 3 more moving bodies, the number of these bodies, and all colours."""
     bodies, looks = street(), dict(LOOKS)
     movers, posts = [], []
     for k in range(draw.randint(0, 3)):
@@ -49,7 +49,7 @@ def scene(draw: random.Random) -> tuple[list[Body], int, dict[str, dict[str, str
 
 
 def moved(draw: random.Random, places: list[list[float]]) -> None:
-    """Some stay, some go on a little, some jump, some turn."""
+    """Move the bodies: some rest, some go a little further, some jump, some turn."""
     for place in places:
         chance = draw.random()
         if chance < 0.25:
@@ -63,7 +63,7 @@ def moved(draw: random.Random, places: list[list[float]]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [149, 161, 169, 175, 184, 191, 247, 297])
-def test_kept_mirror_images_are_those_of_a_fresh_renderer(seed: int) -> None:
+def test_reused_reflections_equal_those_of_a_new_renderer(seed: int) -> None:
     draw = random.Random(seed)
     bodies, movers, looks = scene(draw)
     wide, high = draw.choice([96, 95, 97, 63, 160, 131]), draw.choice([64, 63, 65, 49, 100, 33])

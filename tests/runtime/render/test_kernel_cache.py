@@ -1,4 +1,4 @@
-"""Where compiled kernels lie: where RECIPE_CACHE says, but never where another user could put code in their place."""
+"""Compiled kernels are stored below RECIPE_CACHE, but never where another user could replace them."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def test_kernels_follow_the_cache_and_are_counted_there(
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o775])
-def test_a_folder_that_others_may_write_holds_no_kernels(
+def test_a_folder_that_others_can_write_is_not_used_for_kernels(
     home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
 ) -> None:
-    """Kernels are code: who can put a file there runs it as this user."""
+    """Kernels are code: a file put there would run as this user."""
     kernels = tmp_path / "shared" / "kernels"
     kernels.mkdir(parents=True)
     kernels.chmod(mode)

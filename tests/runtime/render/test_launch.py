@@ -1,4 +1,4 @@
-"""Kernels take their arguments by name, and each is launched in one place of the renderer."""
+"""Kernel arguments are bound by name, and each kernel is launched in one place."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_missing_and_unknown_arguments_are_refused(given: dict[str, int]) -> Non
 
 
 def test_every_kernel_is_launched_in_one_place() -> None:
-    """The frames of a stream and single frames share their passes: a kernel gains or loses an argument once."""
+    """Streams and single frames share their passes, so that a kernel's arguments are listed once."""
     kernels, launched = set(), Counter[str]()
     for path, tree in modules("recipe_runtime"):
         if not path.startswith(BASE):

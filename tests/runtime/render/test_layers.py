@@ -1,4 +1,4 @@
-"""The renderer's packages stand in layers: none imports from one above it, nor from another of its own layer."""
+"""The renderer's packages form layers: none imports from a higher layer or another package of its own layer."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_no_import_points_up(module: str) -> None:
 
 
 def test_no_package_imports_its_modules() -> None:
-    """To import one module of the renderer loads what it needs, and not all of it."""
+    """Importing one module of the renderer loads only what it needs."""
     for module, path in MODULES.items():
         if module.endswith("__init__"):
             assert list(imports(parsed(path))) == [], module

@@ -1,4 +1,4 @@
-"""Light against closed forms: Lambert's cosine, Koschmieder's veil, a shadow's length."""
+"""Light compared with closed forms: Lambert's cosine law, Koschmieder's law, the length of a shadow."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ def looked(renderer: Renderer, pose: Pose, weather: AppearancePlan, camera: Came
 
 
 @pytest.mark.parametrize("altitude", [90.0, 60.0, 45.0, 30.0, 12.0])
-def test_flat_ground_shines_by_lamberts_cosine(altitude: float) -> None:
+def test_flat_ground_follows_lamberts_cosine_law(altitude: float) -> None:
     weather = appearance(altitude, looks=LOOKS, cloudiness=0, fog_density=0)
     light = initial_light(weather, "cpu")
     overhead = np.array([light.air.overhead[n] for n in range(3)])
     albedo = ((0xBC / 255 + 0.055) / 1.055) ** 2.4
     expected = albedo * (light.sunlight * exact.sin_deg(altitude) + overhead)
     seen = looked(level(), Pose(z=2.0, pitch=90), weather)[32, 32]
-    np.testing.assert_allclose(seen, expected, rtol=0.004)  # two metres of clear air
+    np.testing.assert_allclose(seen, expected, rtol=0.004)  # 2 m of clear air
 
 
 @pytest.mark.parametrize("metres", [6.0, 20.0, 45.0])
-def test_fog_veils_a_black_target_by_koschmieders_law(metres: float) -> None:
+def test_a_black_target_in_fog_follows_koschmieders_law(metres: float) -> None:
     target = box([metres, -20, 0], [metres + 1, 20, 40], BLACK)
     weather = appearance(40.0, azimuth=180.0, looks=LOOKS, fog_density=100, fog_distance=1, fog_falloff=0)
     seen = looked(level(Body("target", 0, (("static", target),))), Pose(z=1.6), weather)[31, 31]
@@ -53,9 +53,9 @@ def test_fog_veils_a_black_target_by_koschmieders_law(metres: float) -> None:
     assert float(air.haze) < 0.01 * float(air.fog)
 
 
-def test_a_lamps_glow_in_fog_is_the_sum_of_what_the_air_scatters_along_the_sight() -> None:
-    """The closed form against a sum over a million steps, to two percent, beside and on the lamp, near and far."""
-    lamp = Light((8.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), 1400.0, -1.0)  # shines to all sides
+def test_the_glow_of_a_lamp_in_fog_is_the_integral_along_the_ray() -> None:
+    """The closed form is within 2 % of a sum of a million steps, on the lamp and beside it, near and far."""
+    lamp = Light((8.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), 1400.0, -1.0)  # an isotropic lamp
     renderer = Renderer(
         [
             Body("ground", 0, (("static", ground(300.0, GREY, z=-250.0)),)),
@@ -81,13 +81,13 @@ def test_a_lamps_glow_in_fog_is_the_sum_of_what_the_air_scatters_along_the_sight
         assert (glowing - dark)[31, column, 1] == pytest.approx(expected, rel=0.02)
 
 
-def test_things_near_by_are_still_seen_in_the_densest_fog() -> None:
+def test_near_objects_are_visible_in_the_densest_fog() -> None:
     assert exact.exp(-extinction(100.0) * 7.0) > 0.5
     assert exact.exp(-extinction(100.0) * 45.0) < 0.021
 
 
 @pytest.mark.parametrize("altitude", [60.0, 30.0, 20.0])
-def test_a_shadow_is_as_long_as_the_suns_angle_makes_it(altitude: float) -> None:
+def test_the_length_of_a_shadow_follows_from_the_suns_altitude(altitude: float) -> None:
     pole = box([-0.1, -0.1, 0], [0.1, 0.1, 2.0], BLACK)
     weather = appearance(altitude, azimuth=180.0, looks=LOOKS, cloudiness=0, fog_density=0)
     camera = CameraPlan(width=400, height=400, fov=60)
@@ -95,24 +95,24 @@ def test_a_shadow_is_as_long_as_the_suns_angle_makes_it(altitude: float) -> None
     picture = looked(renderer, Pose(x=3.0, z=12.0, pitch=90), weather, camera)[..., 1]
     sine, cosine = exact.sin_cos_deg(altitude)
     metres = 12.0 / (200.0 * 1.7320508075688772)  # a pixel on the ground
-    # Looking straight down, forward (world -x after the turn) runs down the picture's columns.
+    # The camera looks straight down; forward (world -x after the turn) runs down the image's columns.
     line = picture[:, 200]
     bright = np.median(picture)
     rows = np.nonzero((line < 0.6 * bright) & (line > 0.0))[0]
     xs = 3.0 - (rows + 0.5 - 200) * metres
     assert abs(xs.max() - (0.1 + 2.0 * cosine / sine)) < 2.5 * metres + 0.05
-    assert xs.min() < 0.2  # it touches what casts it
+    assert xs.min() < 0.2  # the shadow touches its caster
 
 
-def test_night_is_lit_by_lamps_alone_and_noon_is_not() -> None:
+def test_only_lamps_light_the_night_and_they_do_not_light_noon() -> None:
     noon, night = (initial_light(appearance(a), "cpu") for a in (60.0, -30.0))
     assert (noon.night, night.night) == (0.0, 1.0)
     assert night.sunlight.max() == 0.0
     assert night.exposure() > 50 * noon.exposure()
 
 
-def test_the_light_at_a_time_leaves_the_light_before_as_it_was() -> None:
-    """Frames under way hold on to theirs, and any order of times gives the same."""
+def test_computing_light_at_a_time_does_not_change_earlier_light() -> None:
+    """Frames in flight still use their light, and the order of times does not matter."""
     start = initial_light(appearance(45.0, wind_intensity=60, precipitation=50), "cpu")
     first, then = start.moved, light_at_time(start, 1.5)
     assert light_at_time(light_at_time(start, 0.4), 1.5).moved == then.moved != first

@@ -1,4 +1,4 @@
-"""Motion blur: as long as the way during the exposure, where something moves, and nowhere else."""
+"""Motion blur: its length is the motion during the exposure, and only moving surfaces and their surroundings blur."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOOK = {**LOOKS, "far": {"wall": "#202020"}, "near": {"shirt": "#f0f0f0"}, "floo
 
 @pytest.fixture(scope="module")
 def slab() -> Renderer:
-    """A bright slab, 1 m thick, its face 10 m away, before a dark wall 30 m away."""
+    """Return a bright slab, 1 m thick with its face 10 m away, in front of a dark wall 30 m away."""
     far = box([30.0, -60.0, -20.0], [31.0, 60.0, 40.0], Surface("wall", Pattern.PLAIN, 3))
     near = box([0.0, -1.0, 0.0], [1.0, 1.0, 4.0], Surface("shirt", Pattern.PLAIN, 12))
     floor = ground(60.0, Surface("asphalt", Pattern.PLAIN, 1), z=-1.0)
@@ -52,7 +52,7 @@ def shot(
 
 
 def ramp(row: NDArray[np.uint8], sharp: NDArray[np.uint8]) -> list[tuple[float, float]]:
-    """Where each of the slab's two edges begins and ends to blur: columns that differ from the far and the near."""
+    """Return the first and last blurred column of each of the slab's two edges."""
     y = row.astype(float).sum(axis=1)
     dark, bright = np.median(y), sharp.astype(float).sum(axis=1).max()
     share = (y - dark) / (bright - dark)
@@ -62,7 +62,7 @@ def ramp(row: NDArray[np.uint8], sharp: NDArray[np.uint8]) -> list[tuple[float, 
 
 
 @pytest.mark.parametrize("metres, shutter", [(0.2, 60.0), (0.4, 40.0), (0.5, 30.0)])
-def test_a_moving_edge_blurs_as_far_as_it_goes(slab: Renderer, metres: float, shutter: float) -> None:
+def test_the_blur_of_an_edge_is_as_long_as_its_motion(slab: Renderer, metres: float, shutter: float) -> None:
     sharp = shot(slab, None)
     picture = shot(slab, NeighbourFrame(AHEAD, at(-metres), 1 / 30), shutter_speed=shutter)
     way = metres / DISTANCE * FOCAL * 30.0 / shutter
@@ -72,7 +72,7 @@ def test_a_moving_edge_blurs_as_far_as_it_goes(slab: Renderer, metres: float, sh
         assert (start + end) / 2.0 == pytest.approx(place, abs=1.0)  # centred: half before, half after
 
 
-def test_length_goes_with_intensity_and_has_a_limit(slab: Renderer) -> None:
+def test_the_length_is_proportional_to_intensity_up_to_a_limit(slab: Renderer) -> None:
     moment, sharp = NeighbourFrame(AHEAD, at(-0.4), 1 / 30), shot(slab, None)
 
     def length(**settings: float) -> float:
@@ -90,7 +90,7 @@ def test_a_faster_shutter_blurs_less(slab: Renderer) -> None:
     assert errors[0] > errors[1] > errors[2] > errors[3]
 
 
-def test_what_stands_still_stays_sharp_to_the_byte() -> None:
+def test_static_surfaces_do_not_blur() -> None:
     renderer = Renderer(street())
     still = NeighbourFrame(EYE, parts_at(3), 1 / 30)
     first, second = (
@@ -99,7 +99,7 @@ def test_what_stands_still_stays_sharp_to_the_byte() -> None:
     assert first.tobytes() == second.tobytes()
 
 
-def test_only_the_surroundings_of_what_moves_blur(slab: Renderer) -> None:
+def test_only_the_surroundings_of_moving_bodies_blur(slab: Renderer) -> None:
     nearly = shot(slab, NeighbourFrame(AHEAD, at(0.0), 1 / 30))
     picture = shot(slab, NeighbourFrame(AHEAD, at(-0.5), 1 / 30), shutter_speed=30.0)
     changed = np.flatnonzero((picture != nearly).any(axis=(0, 2)))
@@ -107,24 +107,26 @@ def test_only_the_surroundings_of_what_moves_blur(slab: Renderer) -> None:
     assert 120.0 - reach <= changed.min() and changed.max() <= 120.0 + reach
 
 
-def test_a_turning_camera_blurs_everything_by_its_turn() -> None:
+def test_a_turning_camera_blurs_everything_by_its_rotation() -> None:
     renderer = Renderer(street())
     pose, before = (from_pose(Pose(y=-1.0, z=1.7, yaw=yaw, pitch=4)) for yaw in (8.0, 6.0))
     sharp = light(shot(renderer, NeighbourFrame(pose, parts_at(3), 1 / 30), pose, parts_at(3)))
     picture = light(shot(renderer, NeighbourFrame(before, parts_at(3), 1 / 30), pose, parts_at(3), shutter_speed=30.0))
     way = FOCAL * np.tan(np.radians(2.0))  # 7.3 pixels, a little more towards the sides
-    boxed = np.stack([np.roll(sharp, n, axis=1) for n in (-3, -2, -1, 0, 1, 2, 3)]).mean(axis=0)  # light adds up
+    boxed = np.stack([np.roll(sharp, n, axis=1) for n in (-3, -2, -1, 0, 1, 2, 3)]).mean(
+        axis=0
+    )  # the sum of light is preserved
     middle = (slice(20, 100), slice(70, 170))
     assert way == pytest.approx(7.3, abs=0.1)
     assert np.abs(picture - boxed)[middle].mean() < 0.25 * np.abs(sharp - boxed)[middle].mean()
 
 
-def test_what_rides_with_the_camera_stays_sharp(slab: Renderer) -> None:
-    """The slab goes where the camera goes; the wall behind it is smeared, and not over it."""
+def test_a_body_that_moves_with_the_camera_stays_sharp(slab: Renderer) -> None:
+    """The slab moves with the camera; the wall behind it blurs, but not over the slab."""
     moment = NeighbourFrame(from_pose(Pose(y=-2.0, z=1.5)), at(-2.0), 1 / 30)
     sharp, picture = shot(slab, None).astype(int), shot(slab, moment, shutter_speed=30.0).astype(int)
     edge = FOCAL / DISTANCE
     inside = slice(int(120 - edge) + 2, int(120 + edge) - 2)
     assert np.abs(picture[45:60, inside] - sharp[45:60, inside]).max() <= 1
     left = slice(int(120 - edge) - 12, int(120 - edge) - 2)
-    assert np.abs(picture[45:50, left] - sharp[45:50, left]).max() <= 12  # the slab leaves no ghost on the wall
+    assert np.abs(picture[45:50, left] - sharp[45:50, left]).max() <= 12  # the slab has no ghost on the wall

@@ -1,4 +1,4 @@
-"""The renderer's vector functions share names with Warp's own; kernels must get the renderer's."""
+"""Kernels use the renderer's vector functions where Warp has functions of the same name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _evaluate(a: wp.vec3f, b: wp.vec3f, x: wp.float32, out: wp.array[wp.float32]
 
 
 def test_kernels_call_the_renderers_own_vector_functions() -> None:
-    """A null vector is normalised to "up" here and to null by Warp; the sums keep this order of operations."""
+    """The renderer normalises a null vector to "up" (Warp: to null) and keeps a fixed order of additions."""
     a, b = np.array([[0.1, 3.3e7, -0.7], [1.7, 1.1, 5.1e7]], np.float32)
     out = wp.zeros(5, dtype=wp.float32, device="cpu")
     u, v = (wp.vec3f(*map(float, vector)) for vector in (a, b))

@@ -1,4 +1,4 @@
-"""Patches in pictures: they change only the pixels that show them, and are where their corners are."""
+"""Patches change only the pixels that show them, and lie between their corners."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOBODY = np.zeros((0, 3, 4))
 
 
 def wall(y: float = 4.0) -> Body:
-    """A wall 12 m wide and 6 m high that faces -y, which is to the left of the street."""
+    """Return a wall 12 m wide and 6 m high to the left of the street that faces -y."""
     corners = [[2.0, y, 0.0], [14.0, y, 0.0], [14.0, y, 6.0], [2.0, y, 6.0]]
     return Body("facade", 0, ((STATIC, quad(corners, [[0, 0]] * 4, PLAIN)),))
 
@@ -85,7 +85,7 @@ def with_patches(plan: AppearancePlan, *patches: PatchPlan, wall_colour: str = "
 
 
 def noise(height: int, width: int, seed: int = 0) -> Pixels:
-    """Colours without a pattern."""
+    """Return an image of random colours."""
     n = np.arange(height * width * 3, dtype=np.uint64).reshape(height, width, 3) + np.uint64(7919 * seed)
     return ((n * np.uint64(2654435761)) >> np.uint64(9) & np.uint64(255)).astype(np.uint8)
 
@@ -110,7 +110,7 @@ def test_a_patch_of_the_walls_own_colour_gives_the_walls_bytes(weather: str) -> 
 
 
 @pytest.mark.parametrize("weather", ["noon", "foggy", "night"])
-def test_another_texture_changes_the_patchs_pixels_and_no_other(weather: str) -> None:
+def test_another_texture_changes_only_the_pixels_of_the_patch(weather: str) -> None:
     """This includes occlusion by a tree, a pole and a walker; pixels at its edge may show it in part."""
     first, second = noise(24, 32), noise(24, 32, 5)
     images = {file_of(p).sha256: p for p in (first, second)}
@@ -126,7 +126,7 @@ def test_another_texture_changes_the_patchs_pixels_and_no_other(weather: str) ->
     assert seen.depth is not None and (seen.semantic[mask] == 3).all(), "an occluder's pixels are not the patch's"
 
 
-def test_wet_ground_shows_it_and_nothing_else_does() -> None:
+def test_only_wet_ground_reflects_a_patch() -> None:
     """In rain, puddles reflect the patch; other surfaces do not."""
     scene = Scene()
     seen = scene.see()
@@ -180,7 +180,7 @@ def test_the_texture_is_upright_and_each_texel_has_its_place() -> None:
     np.testing.assert_allclose(albedo, np.vectorize(srgb_to_linear)(image), atol=2e-4)
 
 
-def test_it_moves_with_its_part_and_covers_whole_bodies() -> None:
+def test_a_patch_moves_with_its_part_and_can_cover_a_whole_body() -> None:
     """On a car that approaches the camera: a rectangle on its front, none on its rear, and the entire paint."""
     down = (0.0, 0.0, -1.0)
     front = PatchFace(
@@ -217,7 +217,7 @@ def test_the_later_patch_lies_over_the_earlier_one() -> None:
     )
 
 
-def test_a_sequence_shows_each_frames_image_with_a_camera_at_rest_too() -> None:
+def test_a_static_camera_shows_each_frames_image_of_a_sequence() -> None:
     """Cached data of the previous frame must not affect this one."""
     images = [noise(12, 16, n) for n in range(4)]
     scene = Scene({file_of(p).sha256: p for p in images})
@@ -240,7 +240,7 @@ def test_reuse_changes_no_byte_of_a_patch() -> None:
         )
 
 
-def test_emission_shines_at_night_and_gloss_mirrors_the_sky() -> None:
+def test_emission_is_visible_at_night_and_gloss_reflects_the_sky() -> None:
     scene = Scene()
     seen = scene.see()
     night, noon = WEATHERS["night"], WEATHERS["noon"]
@@ -257,7 +257,7 @@ def test_emission_shines_at_night_and_gloss_mirrors_the_sky() -> None:
 @pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
 @pytest.mark.parametrize("weathers", [["noon", "rainy"], ["night"]])
 def test_a_frame_stream_has_the_renderers_bytes_and_masks(weathers: list[str], device: str) -> None:
-    """Of an image on a wall and paint on a moving car, beside an appearance without patches and one for masks alone."""
+    """With an image on a wall, paint on a moving car, an appearance without patches and one that only has masks."""
     image = noise(24, 32)
     images = {file_of(image).sha256: image}
     paint = FACE.model_copy(update={"part": "body", "corner": (2.0, -0.6, 1.2), "right": (0.0, 1.0, 0.0), "reach": 9.0})
@@ -280,8 +280,8 @@ def test_a_frame_stream_has_the_renderers_bytes_and_masks(weathers: list[str], d
         assert set(np.unique(made.patch_maps[0])) == {0, 1, 2} and set(np.unique(made.patch_maps[1])) == {0, 1}
 
 
-def test_inserted_and_changing_patches_are_drawn_one_by_one() -> None:
-    """A stream's pictures have no textures inserted, and its images stay the same from frame to frame."""
+def test_inserted_and_changing_patches_are_not_rendered_by_a_stream() -> None:
+    """A stream has no inserted textures, and its images are the same in every frame."""
     from recipe_compiler.ir.plan import SensorPlan
 
     sensor = SensorPlan(name="street", camera=CAMERA, capture=("rgb",), poses=(Pose(),))
@@ -292,7 +292,7 @@ def test_inserted_and_changing_patches_are_drawn_one_by_one() -> None:
     assert not can_stream(sensor, [with_patches(appearance(), patch(film))])
 
 
-def test_through_a_lens_the_mask_bends_as_labels_do() -> None:
+def test_masks_are_distorted_like_labels() -> None:
     camera = CameraPlan(width=96, height=64, fov=80, lens_k=-0.2)
     renderer = Renderer([wall(), Body("box", 0, ((STATIC, box([7.0, 3.0, 0.0], [7.2, 3.2, 4.0], WHITE)),))])
     seen = renderer.observe(camera, EYE, NOBODY)
@@ -310,7 +310,7 @@ def test_through_a_lens_the_mask_bends_as_labels_do() -> None:
     assert (seen.semantic[mask] == 3).all()
 
 
-def test_an_image_that_nobody_reads_is_an_error() -> None:
+def test_an_image_without_a_reader_is_an_error() -> None:
     renderer = Renderer([wall()])
     seen = renderer.observe(CAMERA, EYE, NOBODY)
     plan = with_patches(appearance(), patch(PatchTexture(image=file_of(noise(2, 2)))))

@@ -1,4 +1,4 @@
-"""Patterns: whatever a pixel's size, each shows its mean over the pixel, nearly, so that nothing shimmers."""
+"""Patterns are filtered: each shows approximately its mean over the pixel, whatever the pixel's size."""
 
 # mypy: ignore-errors
 
@@ -21,7 +21,7 @@ def look(
     foot: wp.float32,
     found: wp.array[wp.vec3f],
 ):
-    """Tone, second and wear of a wall at x = 0 that is seen straight on, its uv in units of so many metres."""
+    """Return tone, second and wear of a wall at x = 0 seen head-on; one unit of its uv is `unit` metres."""
     i = wp.tid()
     p = places[i]
     uv = wp.vec2f(p[1] / unit, p[2] / unit)
@@ -36,16 +36,16 @@ UNITS = {
     Pattern.SHOP_WINDOW: 2.5,
     Pattern.POSTER: 4.0,
     Pattern.FACADE: 3.2,
-    Pattern.FOLIAGE: 1.0e6,  # its uv is a share of the sky
+    Pattern.FOLIAGE: 1.0e6,  # its uv are fractions of the sky
 }
 EVEN = {Pattern.PLAIN, Pattern.METAL, Pattern.SKIN, Pattern.RUBBER, Pattern.CAR_PAINT, Pattern.GLASS, Pattern.LAMP}
 EVEN |= {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.LENS, Pattern.SIGNAL, Pattern.IMAGE}
-DRAWN = {Pattern.LETTER, Pattern.NICHE}  # over one face alone
+DRAWN = {Pattern.LETTER, Pattern.NICHE}  # over one face only
 PATTERNS = [p for p in Pattern if p not in EVEN | DRAWN]
 
 
 def details(pattern: Pattern, y: np.ndarray, z: np.ndarray, foot: float) -> np.ndarray:
-    """[..., 3] of `look`."""
+    """Return the details [..., 3] of `look`."""
     places = np.stack([np.zeros_like(y), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
     found = wp.zeros(len(places), dtype=wp.vec3f, device="cpu")
     points = wp.array(places, dtype=wp.vec3f, device="cpu")
@@ -66,25 +66,25 @@ def test_a_pattern_has_features(pattern: Pattern) -> None:
 
 @pytest.mark.parametrize("foot", [0.02, 0.1, 0.5, 2.5, 12.0])
 @pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: p.name)
-def test_a_pattern_is_calm_at_any_distance(pattern: Pattern, foot: float) -> None:
-    """Half a pixel farther it looks alike: no moire, and no shimmer when the camera moves."""
+def test_a_pattern_does_not_flicker_at_any_distance(pattern: Pattern, foot: float) -> None:
+    """A shift by half a pixel hardly changes it: no moire, and no flicker when the camera moves."""
     y, z = grid(60, 1.37 * foot)
     here, aside = (details(pattern, y + shift, z, foot) for shift in (0.0, 0.5 * foot))
     change = np.abs(here - aside)
     assert change.mean() < 0.12
-    assert (change.max(-1) > 0.6).mean() < 0.06  # edges of what is drawn, which cross few pixels
+    assert (change.max(-1) > 0.6).mean() < 0.06  # edges of drawn shapes, which cross few pixels
 
 
 @pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: p.name)
 def test_a_pattern_fades_to_its_mean(pattern: Pattern) -> None:
-    """A wide pixel sees as much as all of the narrow ones within it."""
+    """A wide pixel has the mean of the narrow pixels within it."""
     near = details(pattern, *grid(400, 0.173), foot=0.002).mean((0, 1))
     far = details(pattern, *grid(8, 8.65), foot=30.0).mean((0, 1))
     assert np.abs(near - far).max() < 0.06
 
 
 def test_a_letter_shows_its_dots() -> None:
-    """At the middle of each dot the letter is inked where the font says so, row by row from its top."""
+    """At the centre of each dot, the pattern is dark where the font has a dot, in rows from the top."""
     for letter, rows in FONT.items():
         high, low = bits(letter)
         y, z = np.meshgrid(high + (np.arange(4) + 0.5) / 4, low + (np.arange(6)[::-1] + 0.5) / 6, indexing="xy")
@@ -92,5 +92,5 @@ def test_a_letter_shows_its_dots() -> None:
         assert ["".join("1" if dot else "0" for dot in row) for row in inked] == rows.split(), letter
 
 
-def test_shops_can_spell_their_words() -> None:
+def test_the_font_has_every_letter_of_the_shop_signs() -> None:
     assert {letter for word in (*WORDS, "BUS", "NEWS") for letter in word} <= set(FONT)

@@ -1,4 +1,4 @@
-"""The rules that make kernels agree on every machine, checked over the source of every module of the renderer."""
+"""Source checks of the renderer's modules: the rules that make kernels give equal bytes on every machine."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tests.sources import imports, modules, parsed, walk
 
 FOLDER = Path(render.__file__).parent
 MODULES = sorted(FOLDER.rglob("*.py"))
-FEWEST = 47  # modules that the renderer has had; the lints must not come to pass on fewer because some moved away
-# What a module may call of Warp: arithmetic, conversions, constructors, integer atomics, and what starts work on a
-# device. No transcendental, and no helper that leaves the order of operations to the library.
+FEWEST = 47  # at least this many modules: the checks must not pass because modules moved out of their sight
+# The allowed names of Warp: arithmetic, conversions, constructors, integer atomics, and launching on a device.
+# Neither transcendental functions nor helpers in which the library chooses the order of operations.
 ALLOWED = {
     "abs", "min", "max", "sqrt", "tid", "clone", "launch", "constant", "struct", "func", "kernel", "init",
     "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32", "float64",
@@ -33,12 +33,12 @@ def calls(path: Path) -> list[ast.Call]:
 
 
 def stable(call: ast.Call) -> bool:
-    """Whether a sort keeps equal values in their order: any other leaves it to the processor."""
+    """Return whether a sort is stable: the order of equal values in another sort depends on the CPU."""
     return any(k.arg == "kind" and ast.unparse(k.value) == "'stable'" for k in call.keywords)
 
 
-def test_the_lints_see_every_module_of_the_renderer() -> None:
-    """By three counts that do not share a listing: the package's modules, those that use Warp, and a floor."""
+def test_the_checks_see_every_module_of_the_renderer() -> None:
+    """Compares three independent counts: the package's modules, those that use Warp, and a lower bound."""
     seen = {f"recipe_runtime/render/{path.relative_to(FOLDER).as_posix()}" for path in MODULES}
     package = dict(modules("recipe_runtime"))
     assert seen == {path for path in package if path.startswith("recipe_runtime/render/")}
@@ -68,8 +68,8 @@ def test_no_power_operator_and_no_matrix_product(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
-def test_atomics_take_whole_numbers_only(path: Path) -> None:
-    """Each atomic's target is an array declared with an integer type in the same function."""
+def test_atomics_take_integers_only(path: Path) -> None:
+    """The target of each atomic is an array declared with an integer type in the same function."""
     for function in walk(parsed(path)):
         if not isinstance(function, ast.FunctionDef):
             continue
@@ -94,7 +94,7 @@ def test_every_kernel_module_sets_the_options() -> None:
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
 def test_only_kernels_are_hidden_from_mypy(path: Path) -> None:
-    """A module that mypy ignores defines nothing but kernels, their functions and their structs."""
+    """Modules that mypy ignores define only kernels, their functions and structs."""
     source = path.read_text()
     if "mypy: ignore-errors" in source:
         for node in parsed(path).body:
@@ -103,8 +103,8 @@ def test_only_kernels_are_hidden_from_mypy(path: Path) -> None:
                 assert kinds & {"wp.func", "wp.kernel", "wp.struct"}, f"{path.name}: {node.name} runs on the host"
 
 
-def test_noise_seeds_stand_in_the_register() -> None:
-    """A seed decides bytes. As literals spread over kernels, two patterns came to share four of them."""
+def test_noise_seeds_are_in_the_register() -> None:
+    """A seed determines bytes. When seeds were literals in kernels, two patterns shared four of them by accident."""
     calls_of_noise = 0
     for path in MODULES:
         for call in calls(path):

@@ -1,4 +1,4 @@
-"""Traffic lights are rendered as they are at each frame, also by a renderer that keeps what a static camera saw."""
+"""Each frame shows the traffic lights of its time, also with temporal reuse at a static camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def no_motion(frames: int) -> Trace:
 
 
 def signal_before_a_camera() -> tuple[ScenarioPlan, Element]:
-    """A camera three metres before the signal over a lane, over a cycle at one frame a second."""
+    """Return a camera 3 m in front of the signal over a lane, for one cycle at 1 frame per second."""
     recipe = small(actors={}, traffic={}, clock={"fps": 1, "frames": 44})
     element = next(e for e in only(recipe).scene.town.elements if e.kind == "traffic_light" and e.pose.yaw == 270.0)
     over_lane = element.pose.x - element.shape["arm"]
@@ -46,7 +46,7 @@ def pictures(variant: ScenarioPlan, frames: list[int]) -> list[dict[str, NDArray
 
 
 def lit_colour(picture: NDArray[np.uint8]) -> str:
-    """The name of the light whose pixels are the brightest in colour."""
+    """Return the name of the light with the brightest coloured pixels."""
     red, green, blue = (picture[..., channel].astype(int) for channel in range(3))
     counts = {
         "red": int(((red > 180) & (green < 110)).sum()),

@@ -1,4 +1,4 @@
-"""What is where: depth, labels and extents against closed forms."""
+"""Depth, labels and extents compared with closed forms."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ def places(count: int) -> Array:
     return np.stack([HERE] * count)
 
 
-def test_a_planes_depth_is_its_height_over_the_rays_slope() -> None:
+def test_the_depth_of_a_plane_is_its_height_over_the_rays_slope() -> None:
     renderer = Renderer([Body("ground", 0, (("static", ground(500.0, GREY)),))])
     seen = renderer.observe(CAMERA, from_pose(Pose(z=2.0)), np.zeros((0, 3, 4)))
     focal = CAMERA.width / 2 / 0.8390996311772799  # tan 40 degrees
     slope = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / focal
     below = slope > 0.01
-    rows = focal * 2.0 / seen.depth[below].astype(np.float64)  # each depth, as a place on the picture
-    # Corners are snapped to 1/256 pixel, so a plane is where it should be to 1/512 pixel and a little.
+    rows = focal * 2.0 / seen.depth[below].astype(np.float64)  # each depth as an image row
+    # Corners are snapped to 1/256 pixel, so a plane is within a little more than 1/512 pixel of its place.
     assert np.abs(rows - (slope[below] * focal)[:, None]).max() < 1 / 400
     assert (seen.depth[~below][:-1] == CAMERA.far).all()
     assert (seen.semantic[0] == 11).all()
 
 
-def test_a_balls_silhouette_is_a_discs() -> None:
+def test_the_silhouette_of_a_ball_is_a_disc() -> None:
     renderer = Renderer(actors(ball(1.0, SHIRT, rings=64)))
     seen = renderer.observe(CameraPlan(width=400, height=400, fov=90), HERE, from_pose(Pose(x=5.0))[None])
     (view,) = seen.objects
@@ -65,13 +65,13 @@ def test_a_balls_silhouette_is_a_discs() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [(5.0, 0.0, 0.0), (6.0, 1.0, -2.0)])
-def test_a_balls_outline_is_the_conic_that_its_cone_of_sights_cuts(place: tuple[float, float, float]) -> None:
+def test_the_outline_of_a_ball_is_a_conic_section(place: tuple[float, float, float]) -> None:
     renderer = Renderer(actors(ball(1.0, SHIRT, rings=96)))
     x, y, z = place
     camera = CameraPlan(width=400, height=400, fov=90)
     seen = renderer.observe(camera, HERE, from_pose(Pose(x=x, y=y, z=z))[None])
     step = (np.arange(400) + 0.5 - 200.0) / 200.0
-    # A pixel's sight is (1, -right, -down); it meets the ball if its distance from the middle is below the radius.
+    # A pixel's ray is (1, -right, -down); it hits the ball if its distance from the centre is below the radius.
     right, down = np.meshgrid(step, step)
     size = 1.0 + right * right + down * down
     along = x - right * y - down * z
@@ -82,29 +82,31 @@ def test_a_balls_outline_is_the_conic_that_its_cone_of_sights_cuts(place: tuple[
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_triangles_that_share_an_edge_leave_no_gap_and_take_no_pixel_twice(seed: int) -> None:
+def test_triangles_that_share_an_edge_leave_no_gap_and_cover_no_pixel_twice(seed: int) -> None:
     random = np.random.Generator(np.random.Philox(seed))
     corners = np.concatenate([np.full((4, 1), 2.0), random.integers(-8, 9, (4, 2)) / 8.0], axis=1)
     a, b, c, d = corners
-    # A fan about the middle of a convex outline; on a coarse grid, so that corners and edges meet pixel centres.
+    # A fan around the centre of a convex outline, on a coarse grid, so that corners and edges hit pixel centres.
     middle = ((a + b + c + d) / 4.0).tolist()
-    order = sorted(corners.tolist(), key=lambda p: _turn(p, middle))
+    order = sorted(corners.tolist(), key=lambda p: _angle_key(p, middle))
     fan = [triangle([middle, p, q]) for p, q in zip(order, [*order[1:], order[0]], strict=True)]
     flipped = [Mesh(m.vertices, m.normals, m.uvs, m.triangles[:, ::-1].copy(), m.surface, m.surfaces) for m in fan]
-    seen = Renderer(actors(*fan, *flipped)).observe(SQUARE, HERE, places(8))  # half of the eight face the camera
+    seen = Renderer(actors(*fan, *flipped)).observe(
+        SQUARE, HERE, places(8)
+    )  # half of the eight triangles face the camera
     assert (seen.instance > 0).sum() > 20
     assert sum(view.amodal for view in seen.objects) == (seen.instance > 0).sum()
 
 
-def _turn(p: Sequence[float], middle: Sequence[float]) -> float:
-    """Grows with the angle about the middle."""
+def _angle_key(p: Sequence[float], middle: Sequence[float]) -> float:
+    """Return a number that grows with the angle around the centre."""
     y, z = p[1] - middle[1], p[2] - middle[2]
     size = abs(y) + abs(z) or 1.0
     return float((1.0 - y / size) if z >= 0 else (3.0 + y / size))
 
 
 def test_the_shared_diagonal_of_a_square_on_pixel_centres() -> None:
-    # Corners at pixel centres: edges run through centres, and the top-left rule alone decides.
+    # Edges run through pixel centres, so the top-left rule decides.
     low, high = -0.5 + 0.5 / 32.0, 0.5 + 0.5 / 32.0
     a, b, c, d = [2, 2 * low, 2 * low], [2, 2 * high, 2 * low], [2, 2 * high, 2 * high], [2, 2 * low, 2 * high]
     halves = [triangle([a, c, b]), triangle([a, d, c])]
@@ -113,7 +115,7 @@ def test_the_shared_diagonal_of_a_square_on_pixel_centres() -> None:
     assert sum(view.amodal for view in seen.objects) == 32 * 32
 
 
-def test_what_crosses_the_near_plane_is_cut_there() -> None:
+def test_a_body_across_the_near_plane_is_clipped_there() -> None:
     renderer = Renderer(actors(box([-5, -0.2, -1.0], [8, 0.2, -0.5], SHIRT)))
     seen = renderer.observe(SQUARE, HERE, places(1))
     (view,) = seen.objects
@@ -130,14 +132,14 @@ def test_a_hidden_actor_keeps_its_amodal_extent() -> None:
     assert (hidden.amodal, hidden.amodal_box) == (alone.objects[0].visible, alone.objects[0].box)
 
 
-def test_more_actors_than_a_word_has_bits() -> None:
+def test_there_can_be_more_actors_than_bits_in_a_word() -> None:
     meshes = [box([4, -3.4 + n * 0.1, -0.2], [4.1, -3.34 + n * 0.1, 0.2], SHIRT) for n in range(70)]
     seen = Renderer(actors(*meshes)).observe(CameraPlan(width=400, height=100, fov=90), HERE, places(70))
     assert [view.instance for view in seen.objects] == list(range(12001, 12071))
     assert all(view.amodal >= view.visible > 0 for view in seen.objects)
 
 
-def test_a_standing_camera_sees_what_a_fresh_one_sees() -> None:
+def test_a_static_camera_observes_the_same_as_a_new_renderer() -> None:
     keeping, fresh = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     for frame in (0, 1, 2, 5):
         a, b = (r.observe(CAMERA, EYE, parts_at(frame)) for r in (keeping, fresh))
@@ -145,15 +147,13 @@ def test_a_standing_camera_sees_what_a_fresh_one_sees() -> None:
         assert a.objects == b.objects
 
 
-def test_parts_are_counted() -> None:
+def test_a_wrong_number_of_part_transforms_is_an_error() -> None:
     with pytest.raises(ValueError, match="1 transforms were given for 2 moving parts"):
         Renderer(street()).observe(CAMERA, EYE, parts_at()[:1])
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_what_is_left_out_as_beyond_the_view_would_not_have_been_seen(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_culled_geometry_would_not_have_been_visible(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.Generator(np.random.Philox(seed))
     x, y, yaw, pitch = random.uniform([-6, -6, -180, -60], [6, 6, 180, 60])
     eye = from_pose(Pose(x=float(x), y=float(y), z=1.5, yaw=float(yaw), pitch=float(pitch)))

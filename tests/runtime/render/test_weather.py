@@ -1,6 +1,6 @@
-"""Every parameter of the weather does what its name says, in order: more of it is more of its effect.
+"""Each weather parameter has the effect of its name, and a larger value has a larger effect.
 
-Each test raises one parameter through at least four values on a small picture, and measures its effect.
+Each test raises one parameter through at least four values on a small picture and measures the effect.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ def scene(*static: tuple[str, Mesh], floor: Surface = GREY) -> Renderer:
 
 
 def looked(renderer: Renderer, pose: Pose, weather: AppearancePlan, camera: CameraPlan = SMALL) -> NDArray[np.float64]:
-    """Linear radiance [H, W, 3]."""
+    """Return linear radiance [H, W, 3]."""
     return renderer.radiance(renderer.observe(camera, from_pose(pose), NOBODY), weather).astype(np.float64)
 
 
 def shot(
     renderer: Renderer, pose: Pose, weather: AppearancePlan, time: float = 0.0, camera: CameraPlan = SMALL
 ) -> NDArray[np.float64]:
-    """The 8-bit picture without noise [H, W, 3]."""
+    """Return the 8-bit picture without noise [H, W, 3]."""
     quiet = weather.model_copy(update={"responses": {"street": CameraResponse(noise=0.0)}})
     seen = renderer.observe(camera, from_pose(pose), NOBODY)
     return renderer.shade(seen, quiet, "street", 0, time).astype(np.float64)
@@ -66,7 +66,7 @@ def plain(altitude: float = 45.0, azimuth: float = 180.0, **weather: float) -> A
 
 
 def rises(values: Sequence[float], least: float = 0.0) -> None:
-    """Assert that each value is greater than the one before, by a share `least` of all that they span."""
+    """Assert that each value exceeds the previous one by at least the fraction `least` of their range."""
     assert len(values) >= 4
     span = max(values) - min(values)
     assert span > 0.0, values
@@ -82,7 +82,7 @@ ACROSS = Pose(z=1.6)
 
 
 def far_contrast(weather: AppearancePlan) -> float:
-    """Michelson contrast of a light and a dark wall, 45 m away."""
+    """Return the Michelson contrast of a light and a dark wall 45 m away."""
     seen = looked(scene(*FAR_WALL), ACROSS, weather)[:30, :, 1]
     light, dark = float(seen[10:, 8:24].mean()), float(seen[10:, 40:56].mean())
     return (light - dark) / (light + dark)
@@ -96,7 +96,7 @@ def test_sun_azimuth_turns_shadows() -> None:
     for azimuth in (10.0, 75.0, 140.0, 220.0, 300.0):
         picture = looked(pole, Pose(z=14.0, pitch=90), plain(30.0, azimuth), camera)[..., 1]
         rows, columns = np.nonzero(picture < 0.6 * np.median(picture))
-        # Looking down, the picture's up is world +x, its left world +y.
+        # The camera looks down: up in the picture is world +x, left is world +y.
         away = 120.0 - np.array([rows.mean() + 0.5, columns.mean() + 0.5])
         angles.append(exact.atan2_deg(float(away[1]), float(away[0])) % 360.0)
         assert abs((angles[-1] - azimuth - 180.0 + 180.0) % 360.0 - 180.0) < 4.0
@@ -104,14 +104,14 @@ def test_sun_azimuth_turns_shadows() -> None:
 
 
 @pytest.mark.slow
-def test_a_lower_sun_throws_longer_shadows() -> None:
+def test_a_lower_sun_casts_longer_shadows() -> None:
     pole = scene(("pole", box([-0.1, -0.1, 0], [0.1, 0.1, 2.0], GREY)))
     camera = CameraPlan(width=200, height=200, fov=60)
     pictures = [looked(pole, Pose(x=3.0, z=14.0, pitch=90), plain(a), camera)[..., 1] for a in (65, 50, 35, 25, 18)]
     rises([float((p < 0.6 * np.median(p)).sum()) for p in pictures], 0.05)
 
 
-def test_the_lower_the_sun_the_darker_the_street_down_to_a_night_with_lamps_on() -> None:
+def test_the_street_gets_darker_as_the_sun_sinks_until_lamps_light_it() -> None:
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())
     light = [renderer.radiance(seen, appearance(a)) for a in (-40.0, -8.0, -3.0, 2.0, 12.0, 45.0)]
@@ -119,7 +119,7 @@ def test_the_lower_the_sun_the_darker_the_street_down_to_a_night_with_lamps_on()
     pictures = [renderer.shade(seen, appearance(a), "street", 0, 0.0).astype(float) for a in (-90.0, -4.0, 3.0, 30.0)]
     night, dusk, evening, day = (float(p.mean()) for p in pictures)
     assert night < dusk < evening <= day + 30.0
-    assert night > 20.0  # readable: the lamps are on
+    assert night > 20.0  # the lamps are on
     lamp = light[0].max() / np.median(light[0])
     assert lamp > 20.0 > light[-1].max() / np.median(light[-1])
 
@@ -151,17 +151,17 @@ def test_rain_lowers_contrast_and_adds_streaks() -> None:
     assert moved[0].max() == 0
 
 
-def test_a_drop_is_further_down_a_moment_later() -> None:
-    """Streaks of two frames a moment apart match best when the earlier is moved down by what drops fall."""
+def test_rain_drops_fall_between_frames() -> None:
+    """The streaks of two frames match best when those of the earlier frame are shifted by the distance of the fall."""
     wall, camera = scene(("wall", box([9, -40, -1], [9.2, 40, 30], GREY))), CameraPlan(width=160, height=160, fov=30)
     rain = [shot(wall, Pose(z=12.0), plain(precipitation=30), t, camera)[..., 1] for t in (1.0, 1.03, 5.0, 6.0, 7.0)]
     calm = np.median(rain, axis=0)
     early, late = (r - calm for r in rain[:2])
     matches = [float((early[: 110 - s] * late[s:110]).mean()) for s in range(50)]
-    assert 5 < int(np.argmax(matches)) < 45  # 0.2 m at 1.5 to 9 m, with 300 pixels a metre at one metre
+    assert 5 < int(np.argmax(matches)) < 45  # 0.2 m at a distance of 1.5 to 9 m; 300 pixels per metre at 1 m
 
 
-def test_deposits_mirror_more_of_the_ground_at_places_that_stay() -> None:
+def test_more_deposits_enlarge_puddles_that_stay_in_place() -> None:
     bright, dark = (
         scene(("wall", box([14, -40, 0.0], [15, 40, 12], surface)), floor=ROAD)
         for surface in (Surface("bright", Pattern.PLAIN, 3), Surface("dark", Pattern.PLAIN, 3))
@@ -169,7 +169,7 @@ def test_deposits_mirror_more_of_the_ground_at_places_that_stay() -> None:
     looks = {**COLOURS, "wall": {"bright": "#ffffff", "dark": "#101010"}}
     camera = CameraPlan(width=128, height=96, fov=70)
     pools: list[NDArray[np.bool_]] = []
-    film: NDArray[np.float64] | None = None  # what is mirrored without deposits
+    film: NDArray[np.float64] | None = None  # the reflection without deposits
     for deposits in (0.0, 25.0, 50.0, 75.0, 100.0):
         weather = appearance(45.0, 180.0, looks, **DULL, wetness=100.0, precipitation_deposits=deposits)
         mirrored = looked(bright, Pose(z=1.6, pitch=12), weather, camera) - looked(
@@ -179,11 +179,11 @@ def test_deposits_mirror_more_of_the_ground_at_places_that_stay() -> None:
         pools.append(mirrored[50:, :, 1] > 1.3 * film[50:, :, 1])
     rises([float(pool.mean()) for pool in pools])
     for less, more in pairwise(pools):
-        assert (less & ~more).mean() < 0.01  # a puddle grows and does not wander
+        assert (less & ~more).mean() < 0.01  # a puddle grows and does not move
 
 
 def _slant(picture: NDArray[np.float64]) -> float:
-    """How far from upright the streaks of a picture lean, in degrees, by its structure tensor; blurred, steps go."""
+    """Return the mean tilt of a picture's streaks in degrees, by the structure tensor of the blurred picture."""
     for axis in (0, 1, 0, 1, 0, 1):
         picture = picture + np.roll(picture, 1, axis) + np.roll(picture, -1, axis)
     gx, gy = picture[1:-1, 2:] - picture[1:-1, :-2], picture[2:, 1:-1] - picture[:-2, 1:-1]
@@ -202,11 +202,11 @@ def test_wind_slants_the_rain() -> None:
         pictures = [shot(wall, Pose(z=20.0), weather, t, camera)[..., 1] for t in (1.0, 5.0, 6.0)]
         slants.append(_slant(pictures[0] - np.median(pictures, axis=0)))
     rises(slants, 0.1)
-    assert slants[0] < 6.0  # they meet above the camera, so not one is upright but the middle's
-    assert 25.0 < slants[-1] < 45.0  # the wind's 5 m/s across the view, the drop's 7 m/s down
+    assert slants[0] < 6.0  # streaks converge above the camera, so only those in the centre are vertical
+    assert 25.0 < slants[-1] < 45.0  # wind at 5 m/s across the view, drops at 7 m/s downwards
 
 
-def test_wind_moves_leaves_and_no_label() -> None:
+def test_wind_moves_leaves_but_no_label() -> None:
     tree = scene(("tree", ball(2.0, LEAVES, 12, (7.0, 0.0, 2.0))))
     moved = []
     for wind in (0.0, 20.0, 45.0, 80.0):
@@ -222,12 +222,12 @@ def test_wind_moves_leaves_and_no_label() -> None:
 
 
 @pytest.mark.slow
-def test_fog_swallows_what_is_far() -> None:
+def test_fog_hides_distant_surfaces() -> None:
     falls([far_contrast(plain(fog_density=fog)) for fog in (0.0, 25.0, 50.0, 75.0, 100.0)], 0.02)
 
 
 @pytest.mark.slow
-def test_fog_distance_keeps_what_is_near_clear() -> None:
+def test_fog_distance_keeps_near_surfaces_clear() -> None:
     rises([far_contrast(plain(fog_density=90.0, fog_distance=d)) for d in (0.0, 8.0, 20.0, 44.0)], 0.02)
 
 
@@ -242,7 +242,7 @@ def test_fog_falloff_thins_it_with_height() -> None:
     rises(contrasts, 0.03)
 
 
-def test_wetness_darkens_and_glosses_the_ground() -> None:
+def test_wetness_makes_the_ground_darker_and_glossier() -> None:
     road = scene(floor=ROAD)
     below, gloss = [], []
     for wet in (0.0, 30.0, 60.0, 100.0):
@@ -254,7 +254,7 @@ def test_wetness_darkens_and_glosses_the_ground() -> None:
     rises([g / b for g, b in zip(gloss, below, strict=True)], 0.05)
 
 
-def test_scattering_makes_halos_about_the_sun_and_about_lamps_in_fog() -> None:
+def test_scattering_makes_halos_around_the_sun_and_lamps_in_fog() -> None:
     lamp = Light((12.0, 0.0, 4.0), (0.0, 0.0, -1.0), (1.0, 0.8, 0.55), 1400.0, 0.25)
     pole = box([11.9, -0.1, 4.0], [12.1, 0.1, 4.2], GREY, (lamp,))
     renderer = scene(("pole", pole))
@@ -274,15 +274,15 @@ def test_scattering_makes_halos_about_the_sun_and_about_lamps_in_fog() -> None:
 
 
 @pytest.mark.slow
-def test_mie_scattering_gathers_light_about_the_sun() -> None:
+def test_mie_scattering_concentrates_light_around_the_sun() -> None:
     values = (0.0, 0.03, 0.5, 2.0, 5.0)
     skies = [looked(scene(), Pose(z=1.6, pitch=-30), plain(30.0, 0.0, mie_scattering_scale=v)) for v in values]
-    rises([float(s[32, 37].mean()) for s in skies])  # five degrees beside the sun
+    rises([float(s[32, 37].mean()) for s in skies])  # 5 degrees from the sun
     rises([float(s[32, 37].mean() - s[4:8, :4].mean()) for s in skies])
     falls([far_contrast(plain(mie_scattering_scale=v)) for v in values])
 
 
-def test_rayleigh_scattering_makes_zeniths_bluer_and_sunsets_redder() -> None:
+def test_rayleigh_scattering_makes_the_zenith_bluer_and_sunsets_redder() -> None:
     renderer = scene()
     values = (0.0, 0.0331, 0.3, 1.0, 2.0)
     zeniths = [looked(renderer, Pose(z=1.6, pitch=-80), plain(50.0, rayleigh_scattering_scale=v)) for v in values]
@@ -294,7 +294,7 @@ def test_rayleigh_scattering_makes_zeniths_bluer_and_sunsets_redder() -> None:
 
 
 @pytest.mark.slow
-def test_dust_is_brown_and_hides_what_is_far() -> None:
+def test_dust_is_brown_and_hides_distant_surfaces() -> None:
     values = (0.0, 30.0, 60.0, 100.0)
     falls([far_contrast(plain(dust_storm=v)) for v in values], 0.05)
     skies = [looked(scene(), Pose(z=1.6, pitch=-10), plain(dust_storm=v))[:24] for v in values]
@@ -303,29 +303,29 @@ def test_dust_is_brown_and_hides_what_is_far() -> None:
 
 TESTED: dict[str, Callable[[], None]] = {
     "sun_azimuth_angle": test_sun_azimuth_turns_shadows,
-    "sun_altitude_angle": test_a_lower_sun_throws_longer_shadows,
+    "sun_altitude_angle": test_a_lower_sun_casts_longer_shadows,
     "cloudiness": test_clouds_soften_the_sun_and_hide_the_sky,
     "precipitation": test_rain_lowers_contrast_and_adds_streaks,
-    "precipitation_deposits": test_deposits_mirror_more_of_the_ground_at_places_that_stay,
+    "precipitation_deposits": test_more_deposits_enlarge_puddles_that_stay_in_place,
     "wind_intensity": test_wind_slants_the_rain,
-    "fog_density": test_fog_swallows_what_is_far,
-    "fog_distance": test_fog_distance_keeps_what_is_near_clear,
+    "fog_density": test_fog_hides_distant_surfaces,
+    "fog_distance": test_fog_distance_keeps_near_surfaces_clear,
     "fog_falloff": test_fog_falloff_thins_it_with_height,
-    "wetness": test_wetness_darkens_and_glosses_the_ground,
-    "scattering_intensity": test_scattering_makes_halos_about_the_sun_and_about_lamps_in_fog,
-    "mie_scattering_scale": test_mie_scattering_gathers_light_about_the_sun,
-    "rayleigh_scattering_scale": test_rayleigh_scattering_makes_zeniths_bluer_and_sunsets_redder,
-    "dust_storm": test_dust_is_brown_and_hides_what_is_far,
+    "wetness": test_wetness_makes_the_ground_darker_and_glossier,
+    "scattering_intensity": test_scattering_makes_halos_around_the_sun_and_lamps_in_fog,
+    "mie_scattering_scale": test_mie_scattering_concentrates_light_around_the_sun,
+    "rayleigh_scattering_scale": test_rayleigh_scattering_makes_the_zenith_bluer_and_sunsets_redder,
+    "dust_storm": test_dust_is_brown_and_hides_distant_surfaces,
 }
 
 
-def test_no_parameter_is_forgotten() -> None:
+def test_every_parameter_has_a_test() -> None:
     assert set(TESTED) == set(PARAMETERS)
 
 
 @pytest.mark.parametrize("hours", [(-90.0, -12.0, -6.0, 0.0, 6.0, 15.0, 45.0, 90.0)])
-def test_exposure_follows_the_scene_and_no_history(hours: tuple[float, ...]) -> None:
-    """Whatever was shaded before, a picture is the same; and no hour is black or burnt."""
+def test_exposure_depends_on_the_scene_and_not_on_history(hours: tuple[float, ...]) -> None:
+    """Frames shaded before do not matter, and at no time of day is the picture black or overexposed."""
     renderer, seen = Renderer(street()), None
     seen = renderer.observe(CAMERA, EYE, parts_at())
     forth = {a: renderer.shade(seen, appearance(a), "street", 0, 0.0) for a in hours}
