@@ -1,4 +1,4 @@
-"""A file that another program changes while its dataset is built is noticed, and nothing is published."""
+"""A build detects files that another program changes meanwhile, and then publishes nothing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TEXT = "annotations/kwcoco.json"
 
 
 def made(folder: Path, disturb: Callable[[Path], None] = lambda root: None, at: str = "finish") -> BuildResult:
-    """Build, and let somebody at the files when a stage begins."""
+    """Build, and change the files when a stage begins."""
 
     def progress(stage: str, done: int, total: int) -> None:
         if (stage, done) == (at, 0):
@@ -36,7 +36,7 @@ def overwrite(path: Path) -> None:
 
 
 def swap(path: Path) -> None:
-    """As editors save: another file under the same name, with the times of the first."""
+    """Replace a file as editors do: another file under the same name, with the times of the first."""
     found, body = path.stat(), path.read_bytes()
     path.unlink()
     path.write_bytes(body[:-1] + bytes([body[-1] ^ 1]))
@@ -68,7 +68,7 @@ def test_a_changed_file_is_named_and_nothing_is_published(
     assert tree(again.path) == tree(fresh.path)
 
 
-def test_what_is_only_touched_or_copied_is_no_change(tmp_path: Path) -> None:
+def test_a_touched_or_copied_file_with_equal_bytes_is_accepted(tmp_path: Path) -> None:
     def touch(root: Path) -> None:
         (root / PICTURE).touch()
         copy = root / "copy"
@@ -79,8 +79,8 @@ def test_what_is_only_touched_or_copied_is_no_change(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_file_taken_over_and_then_changed_is_noticed(tmp_path: Path) -> None:
-    """It is one file with the earlier dataset's; that is damaged then, too, and made again."""
+def test_a_change_of_a_reused_file_is_detected(tmp_path: Path) -> None:
+    """The file is a hard link to that of the earlier dataset, which is then damaged too and built again."""
     first = made(tmp_path)
     (first.path / "weather=w0,jitter=still/street/rgb/000003.png").unlink()
     with pytest.raises(RunError, match="was changed or removed by another program"):
@@ -89,7 +89,7 @@ def test_a_file_taken_over_and_then_changed_is_noticed(tmp_path: Path) -> None:
     assert tree(again.path) == tree(fresh.path)
 
 
-def test_files_that_nobody_touched_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unchanged_files_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[str] = []
 
     def noted(path: Path) -> str:
@@ -98,4 +98,4 @@ def test_files_that_nobody_touched_are_not_read_again(tmp_path: Path, monkeypatc
 
     monkeypatch.setattr(workspace, "file_sha256", noted)
     made(tmp_path)
-    assert [suffix for suffix in read if suffix == ".png"] == [".png"] * 2  # the two drawings
+    assert [suffix for suffix in read if suffix == ".png"] == [".png"] * 2  # the preview's two pictures

@@ -1,4 +1,4 @@
-"""A work folder that somebody shipped beside a recipe is not taken up: only this user's cache can seal one."""
+"""A build does not resume from a forged work folder: its seal needs the key in this user's cache."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def stopped(folder: Path, cache: Path) -> None:
 
 
 @pytest.mark.slow
-def test_only_the_cache_that_sealed_a_stopped_build_resumes_it(tmp_path: Path) -> None:
-    """The same plan and code, and records whose files have the digests that they say, of another user's making."""
+def test_a_stopped_build_resumes_only_with_the_cache_that_sealed_it(tmp_path: Path) -> None:
+    """Plan, code and the files' digests are right, but the records were sealed by another user."""
     truth = tree(made(tmp_path / "truth", tmp_path / "cache").path)
     stopped(tmp_path / "own", tmp_path / "cache")
     stopped(tmp_path / "forged", tmp_path / "strangers")
@@ -43,8 +43,8 @@ def test_only_the_cache_that_sealed_a_stopped_build_resumes_it(tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_a_record_of_another_seal_is_made_again(tmp_path: Path) -> None:
-    """An attacker who knows the job's seal can neither write a record nor swap those of two shards."""
+def test_a_record_with_a_wrong_seal_is_not_used(tmp_path: Path) -> None:
+    """An attacker who knows the job's seal can neither forge a record nor swap those of two shards."""
     stopped(tmp_path, tmp_path / "cache")
     records = sorted((tmp_path / ".tiny.partial/shards").iterdir())
     assert len(records) > 1
@@ -55,7 +55,7 @@ def test_a_record_of_another_seal_is_made_again(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_record_without_its_seal_is_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lists of lists of 256 MiB took many times their size, before the seal was looked at."""
+    """Regression: 256 MiB of nested lists were parsed, in many times that memory, before the seal was checked."""
     stopped(tmp_path, tmp_path / "cache")
     parsed, original = list[bytes](), json.loads
 
@@ -71,7 +71,7 @@ def test_a_record_without_its_seal_is_not_parsed(tmp_path: Path, monkeypatch: py
 
 
 def test_a_job_of_gigabytes_is_not_read(tmp_path: Path) -> None:
-    """A sparse `job.json` of 3 GB in a downloaded work folder took 6 GB of memory."""
+    """Regression: a sparse `job.json` of 3 GB in a downloaded work folder took 6 GB of memory."""
     partial = tmp_path / ".tiny.partial"
     partial.mkdir()
     with (partial / "job.json").open("wb") as file:
@@ -84,16 +84,16 @@ def test_a_job_of_gigabytes_is_not_read(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
-def test_the_key_is_made_once_and_is_the_users_alone(tmp_path: Path) -> None:
+def test_the_key_is_created_once_and_readable_only_by_the_user(tmp_path: Path) -> None:
     key = journal_key(tmp_path)
     assert len(key) == 32
     assert journal_key(tmp_path) == read_key(tmp_path) == key
     assert stat.S_IMODE((tmp_path / KEY).stat().st_mode) == 0o600
     (tmp_path / MARKER).unlink()
-    assert is_cache_folder(tmp_path)  # the key is this project's file
+    assert is_cache_folder(tmp_path)  # the key counts as a file of this project
 
 
-def test_without_a_cache_to_write_each_key_is_new(tmp_path: Path) -> None:
+def test_without_a_writable_cache_each_key_is_new(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert journal_key(tmp_path / "file") != journal_key(tmp_path / "file")
     assert read_key(tmp_path / "file") is None

@@ -1,4 +1,4 @@
-"""A frame alone is that frame of the full build, for every sensor, whatever the order."""
+"""A frame rendered alone equals that of the full build, for every sensor and in any order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from recipe_runtime.dataset.manifest_types import Manifest
 
 from tests.sources import ROOT
 
-# Sensors on actors and in the world; each frame has a pose of its own.
+# Sensors on actors and in the world; each has another pose in every frame.
 ATTACHED = """
 recipe: attached
 seed: 3
@@ -38,7 +38,7 @@ base:
       capture: [rgb, instance]
 """
 
-# In a fresh process: every named frame alone, each with a renderer of its own.
+# Runs in a new process: renders each named frame alone, with a new renderer.
 _ALONE = """
 import json, sys
 from pathlib import Path
@@ -71,16 +71,18 @@ def recipe(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 @pytest.fixture(scope="module")
 def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> Manifest:
-    """The manifest of the whole dataset, built by one worker that renders the frames in order."""
+    """Return the manifest of the full dataset, built by one worker that renders the frames in order."""
     folder = tmp_path_factory.mktemp("built")
     return build(compile_recipe(recipe).plan, folder / "dataset", workers=1, cache=folder / "cache").manifest
 
 
 @pytest.mark.slow
-def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: Manifest) -> None:
+def test_every_sensor_alone_in_a_new_process(recipe: Path, built: Manifest) -> None:
     variants = built["variants"]
     views = [(v, sensor) for v in reversed(built["order"]) for sensor in reversed(variants[v]["frames"])]
-    some = [(3, 0)[n % 4 // 2] for n in range(len(views))] if len(variants) > 1 else [5, 5]  # both sensors at each
+    some = (
+        [(3, 0)[n % 4 // 2] for n in range(len(views))] if len(variants) > 1 else [5, 5]
+    )  # both sensors at each frame
     wanted = [(*view, frame) for view, frame in zip(views, some, strict=True)]
     wanted += [(*view, 0) for view in views if len(variants) == 1]
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""What a host has of memory is the least of what the machine, its control groups and the process's limits allow."""
+"""The memory of a host is the smallest limit of the machine, its control groups and the process."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ def _host(root: Path, groups: str, limits: dict[str, str]) -> Path:
         ("0::/a\n", {}, MACHINE),
     ],
 )
-def test_the_least_limit_counts(tmp_path: Path, groups: str, limits: dict[str, str], total: int) -> None:
+def test_the_smallest_limit_applies(tmp_path: Path, groups: str, limits: dict[str, str], total: int) -> None:
     assert host_memory.total(_host(tmp_path, groups, limits)) == total
 
 
-def test_a_host_without_control_groups_has_its_machine(tmp_path: Path) -> None:
+def test_without_control_groups_the_machines_memory_applies(tmp_path: Path) -> None:
     assert host_memory.total(tmp_path) == MACHINE
 
 
-def test_a_bound_on_addresses_is_one_on_a_process(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_limit_of_address_space_applies_to_each_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (700 << 20, resource.RLIM_INFINITY))
     assert host_memory.per_process() == 700 << 20
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY, resource.RLIM_INFINITY))

@@ -1,4 +1,4 @@
-"""What lies beside a recipe is data: no Python file of the current folder is ever run."""
+"""Files beside a recipe are data: no Python file of the current folder is ever run."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ NAMES = ("numpy", "pybullet", "signal", "warp", "json", "PIL", "recipe_runtime",
 
 @pytest.mark.slow
 @pytest.mark.parametrize("inherited", [False, True])
-def test_nothing_of_the_current_folder_is_run(tmp_path: Path, inherited: bool) -> None:
-    """As the installed command runs: its own path has no current folder, and its children's have none either."""
+def test_no_file_of_the_current_folder_is_run(tmp_path: Path, inherited: bool) -> None:
+    """The module search paths of the installed command and of its child processes exclude the current folder."""
     recipe = Path(sysconfig.get_path("scripts")) / "recipe"
     if not recipe.is_file():
         pytest.skip("the recipe command is not installed")

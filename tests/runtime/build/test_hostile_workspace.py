@@ -1,4 +1,4 @@
-"""A work folder may be anyone's: no file of it is read without a limit."""
+"""A work folder is untrusted: each of its files is read up to a limit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.runtime import fakes
 PLAN = fakes.dataset_plan(frames=2, weathers=1)
 
 
-def test_a_large_job_is_not_read_whole(tmp_path: Path) -> None:
+def test_a_large_job_file_is_not_read_in_full(tmp_path: Path) -> None:
     partial = tmp_path / "sets" / ".tiny.partial"
     partial.mkdir(parents=True)
     with (partial / "job.json").open("wb") as file:

@@ -1,4 +1,4 @@
-"""A build's bytes depend on the plan alone: not on workers, order, shards, stops, nor on where and when it ran."""
+"""The bytes of a build depend only on the plan: not on workers, order, shards, interruptions, place or time."""
 
 import fcntl
 import hashlib
@@ -37,7 +37,7 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> BuildResult:
-    """The dataset that all others are compared with."""
+    """Return the dataset that all others are compared with."""
     folder = tmp_path_factory.mktemp("made")
     return build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES)
 
@@ -76,12 +76,12 @@ def test_order_changes_no_byte(made: BuildResult, tmp_path: Path, monkeypatch: p
     assert tree(again(tmp_path, workers=0).path) == tree(made.path)
 
 
-def test_no_path_enters_a_file(made: BuildResult) -> None:
+def test_no_file_contains_a_path_of_the_host(made: BuildResult) -> None:
     for path, body in tree(made.path).items():
         assert str(made.path.parent).encode() not in body, path
 
 
-def test_files_hold_the_frames_that_are_rendered_alone(made: BuildResult) -> None:
+def test_files_hold_the_same_frames_as_single_renderings(made: BuildResult) -> None:
     for variant in dataset_plan().variants:
         frames = made.manifest["variants"][variant.variant]["frames"]
         for number in (11, 0, 6):
@@ -95,7 +95,7 @@ def test_files_hold_the_frames_that_are_rendered_alone(made: BuildResult) -> Non
                 assert frames["street"][modality][number] == pixel_digest(modality, array)
 
 
-def test_the_manifest_names_every_file_and_its_bytes(made: BuildResult) -> None:
+def test_the_manifest_lists_every_file_with_its_size_and_digest(made: BuildResult) -> None:
     rows = {**made.manifest["files"], **made.manifest["pictures"]}
     files = tree(made.path)
     manifest = json.loads(files.pop("manifest.json"))
@@ -104,11 +104,11 @@ def test_the_manifest_names_every_file_and_its_bytes(made: BuildResult) -> None:
     assert all(path.startswith("preview/") for path in made.manifest["pictures"])
 
 
-def test_the_card_names_the_identity(made: BuildResult) -> None:
+def test_the_card_contains_the_identity(made: BuildResult) -> None:
     assert made.identity in (made.path / "README.md").read_text()
 
 
-def test_labels_that_are_equal_are_one_file(made: BuildResult) -> None:
+def test_equal_labels_are_one_file(made: BuildResult) -> None:
     one, other = (made.path / f"weather={w},jitter=still" for w in ("w0", "w1"))
     for modality in ("depth", "instance", "semantic"):
         assert (one / "street" / modality / "000003.png").samefile(other / "street" / modality / "000003.png")
@@ -133,7 +133,7 @@ def test_without_hard_links_the_bytes_are_the_same(
 
 
 @pytest.mark.slow
-def test_what_is_there_is_not_built_again_and_what_is_damaged_is(made: BuildResult, tmp_path: Path) -> None:
+def test_only_a_damaged_dataset_is_built_again(made: BuildResult, tmp_path: Path) -> None:
     def never(*_: object) -> NoReturn:
         raise AssertionError("an engine was used")
 
@@ -155,7 +155,7 @@ def test_another_plan_replaces_the_dataset(made: BuildResult, tmp_path: Path) ->
     assert not (tmp_path / ".tiny.partial").exists()
 
 
-def test_a_folder_that_is_not_ours_is_left_alone(tmp_path: Path) -> None:
+def test_a_folder_without_a_dataset_is_refused_and_unchanged(tmp_path: Path) -> None:
     thesis = tmp_path / "tiny" / "thesis.tex"
     thesis.parent.mkdir()
     thesis.write_text("years of work")
@@ -175,7 +175,7 @@ def test_a_folder_that_is_not_ours_is_left_alone(tmp_path: Path) -> None:
     assert again(tmp_path / "other", workers=0).built
 
 
-def test_what_someone_put_into_a_dataset_is_not_replaced_with_it(tmp_path: Path) -> None:
+def test_a_dataset_with_a_foreign_file_is_not_replaced(tmp_path: Path) -> None:
     notes = again(tmp_path, dataset_plan(weathers=1), workers=0).path / "preview" / "notes.txt"
     notes.write_text("kept")
     with pytest.raises(InputError, match=r"holds a file that is not the dataset's, preview/notes\.txt; move it away"):
@@ -193,10 +193,10 @@ build(dataset_plan(), folder / "tiny", cache=folder / "cache", engines=SLOW, wor
 
 
 def slow_build(folder: Path) -> tuple[subprocess.Popen[bytes], list[Path]]:
-    """A build in a process of its own that has finished three shards and has more to do; and its children."""
+    """Return the process of an unfinished build that has completed three shards, and its children."""
     code = BUILD_SLOWLY.format(folder=str(folder))
     with (folder / "stderr").open("wb") as errors:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # workers import the fakes, and nothing of their folder
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # workers import the fakes
         process = subprocess.Popen([sys.executable, "-c", code], cwd=folder, stderr=errors, env=environment)
     deadline = time.monotonic() + 30
     while len(list(folder.glob(".tiny.partial/shards/*.json"))) < 3:
@@ -207,8 +207,8 @@ def slow_build(folder: Path) -> tuple[subprocess.Popen[bytes], list[Path]]:
     return process, [Path("/proc") / child for child in children]
 
 
-def all_gone(processes: list[Path]) -> bool:
-    """Whether all have ended within a second and a half; the init process may still have to bury them."""
+def all_ended(processes: list[Path]) -> bool:
+    """Return whether all have ended within 1.5 s; zombies count as ended."""
     deadline = time.monotonic() + 1.5
     while time.monotonic() < deadline:
         if all(not p.exists() or ") Z " in (p / "stat").read_text() for p in processes):
@@ -219,14 +219,14 @@ def all_gone(processes: list[Path]) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_a_build_that_was_stopped_leaves_no_orphan_and_is_taken_up(
+def test_a_stopped_build_leaves_no_orphan_and_is_resumed(
     made: BuildResult, tmp_path: Path, how: signal.Signals
 ) -> None:
     process, children = slow_build(tmp_path)
     process.send_signal(how)
     process.wait(5)
-    assert all_gone(children)
-    assert "Spawn" not in (tmp_path / "stderr").read_text()  # no worker speaks of it
+    assert all_ended(children)
+    assert "Spawn" not in (tmp_path / "stderr").read_text()  # no worker prints anything
     assert not (tmp_path / "tiny").exists()
     result = again(tmp_path, workers=0, shard_frames=2)
     assert 3 <= result.resumed < result.shards
@@ -234,14 +234,14 @@ def test_a_build_that_was_stopped_leaves_no_orphan_and_is_taken_up(
 
 
 def stopped(folder: Path) -> Path:
-    """The workspace of a build that failed at frame 7."""
+    """Return the workspace of a build that failed at frame 7."""
     with pytest.raises(RunError):
         again(folder, engines=BROKEN, workers=0, shard_frames=2)
     return folder / ".tiny.partial"
 
 
 @pytest.mark.slow
-def test_a_resumed_build_makes_again_what_was_lost_or_damaged(made: BuildResult, tmp_path: Path) -> None:
+def test_a_resumed_build_renders_lost_and_damaged_files_again(made: BuildResult, tmp_path: Path) -> None:
     partial = stopped(tmp_path)
     (partial / "dataset/weather=w0,jitter=still/street/rgb/000000.png").unlink()
     (partial / "dataset/weather=w0,jitter=still/street/depth/000002.png").write_bytes(b"short")
@@ -254,8 +254,8 @@ def test_a_resumed_build_makes_again_what_was_lost_or_damaged(made: BuildResult,
     assert tree(result.path) == tree(made.path)
 
 
-def test_a_resumed_build_reads_what_it_takes_over(made: BuildResult, tmp_path: Path) -> None:
-    """A disk that lost its power can hold a file of the right size and of the wrong bytes."""
+def test_a_resumed_build_checks_the_digests_of_reused_files(made: BuildResult, tmp_path: Path) -> None:
+    """After a power failure, a file can have the right size and wrong bytes."""
     picture = stopped(tmp_path) / "dataset/weather=w0,jitter=still/street/rgb/000000.png"
     picture.write_bytes(bytes(picture.stat().st_size))
     result = again(tmp_path, workers=0, shard_frames=2)
@@ -263,13 +263,13 @@ def test_a_resumed_build_reads_what_it_takes_over(made: BuildResult, tmp_path: P
     assert tree(result.path) == tree(made.path)
 
 
-def test_what_other_code_did_is_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_work_of_another_version_is_not_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stopped(tmp_path)
     monkeypatch.setattr(build_module, "builder_identity", lambda: "another")
     assert again(tmp_path, workers=0, shard_frames=2).resumed == 0
 
 
-def test_a_changed_record_is_not_believed(made: BuildResult, tmp_path: Path) -> None:
+def test_a_changed_record_is_not_used(made: BuildResult, tmp_path: Path) -> None:
     partial = stopped(tmp_path)
     for record in (partial / "shards").iterdir():
         record.write_text(record.read_text().replace('"area": ', '"area": 1'))
@@ -279,7 +279,7 @@ def test_a_changed_record_is_not_believed(made: BuildResult, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_another_plan_takes_nothing_over(tmp_path: Path) -> None:
+def test_another_plan_does_not_resume_the_work(tmp_path: Path) -> None:
     stopped(tmp_path)
     plan = dataset_plan(weathers=3)
     result = again(tmp_path, plan, workers=0, shard_frames=2)
@@ -312,10 +312,10 @@ def test_a_stop_after_the_renames_leaves_nothing_behind(made: BuildResult, tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize("calls", [0, 1, 2])
-def test_a_stop_while_the_work_is_cleared_away_leaves_nothing_in_the_way(
+def test_a_stop_while_the_work_folder_is_removed_does_not_block_later_builds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
 ) -> None:
-    """The folder would else be taken for somebody's, and refused to every other recipe."""
+    """Otherwise later builds would refuse the folder as one of another program."""
     again(tmp_path, dataset_plan(weathers=1), workers=0)
     remove, count = shutil.rmtree, 0
 
@@ -332,7 +332,7 @@ def test_a_stop_while_the_work_is_cleared_away_leaves_nothing_in_the_way(
         again(tmp_path, workers=0)
     partial = tmp_path / ".tiny.partial"
     assert (partial / "job.json").is_file()
-    assert not again(tmp_path, workers=0).built  # it was in its place already
+    assert not again(tmp_path, workers=0).built  # the dataset was already in place
     assert not partial.exists()
     assert again(tmp_path, dataset_plan(weathers=3), workers=0).built
 
@@ -348,7 +348,7 @@ def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 1])
 def test_a_scene_that_cannot_be_loaded_is_reported_with_its_first_frame(tmp_path: Path, workers: int) -> None:
-    """Workers load it while it is simulated; errors there are reported, too."""
+    """Workers load the scene during simulation; their errors are reported too."""
     with pytest.raises(RunError) as caught:
         again(tmp_path, engines=UNLOADABLE, workers=workers)
     assert str(caught.value) == "weather=w0,jitter=still, street, frame 0: ArithmeticError: the scene has no ground"
@@ -368,27 +368,25 @@ def test_workers_load_the_scene_while_it_is_simulated(
 
 
 @pytest.mark.slow
-def test_a_lost_worker_is_an_error_that_says_so(tmp_path: Path) -> None:
+def test_a_lost_worker_is_reported(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"weather=w0,jitter=still.*frames 5 to 9: a worker process was lost \(exit -9"):
         again(tmp_path, engines=DYING, workers=1)
 
 
 @pytest.mark.slow
-def test_what_is_not_kept_is_not_said_to_be(tmp_path: Path) -> None:
+def test_a_lock_without_a_journal_does_not_promise_to_resume(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"a worker process was lost .* with fewer workers, try again$"):
         locking.lock(dataset_plan(), "", {}, workers=1, progress=lambda *_: None, engines=DYING)
 
 
 @pytest.mark.slow
-def test_a_worker_that_was_lost_between_two_shards_is_an_error_that_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The build's next word finds no listener."""
+def test_a_worker_lost_between_two_shards_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sending the next shard then fails with a broken pipe."""
     sends, sent = Connection.send, []
 
     def lose(pipe: Any, value: Any) -> None:
         sent.append(value)
-        if len(sent) == 3:  # the job, a shard, and this
+        if len(sent) == 3:  # after the job and a shard
             raise BrokenPipeError(32, "Broken pipe")
         sends(pipe, value)
 
@@ -400,7 +398,7 @@ def test_a_worker_that_was_lost_between_two_shards_is_an_error_that_says_so(
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
 def test_an_interrupt_while_workers_start_is_silent(tmp_path: Path, delay: float) -> None:
-    """The whole group hears it, as from a terminal; the build alone answers."""
+    """As from a terminal, the whole process group gets the signal; workers must print nothing."""
     code = textwrap.indent(BUILD_SLOWLY.format(folder=str(tmp_path)), "    ")
     process = subprocess.Popen(
         [sys.executable, "-c", f"try:\n{code}\nexcept KeyboardInterrupt:\n    raise SystemExit(130)"],
@@ -419,7 +417,7 @@ def test_an_interrupt_while_workers_start_is_silent(tmp_path: Path, delay: float
     assert (process.returncode, errors) == (130, b"")
 
 
-def test_a_full_disk_is_an_error_and_what_is_done_is_kept(
+def test_after_a_full_disk_the_finished_work_is_resumed(
     made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written = 0
@@ -440,13 +438,13 @@ def test_a_full_disk_is_an_error_and_what_is_done_is_kept(
     assert tree(result.path) == tree(made.path)
 
 
-def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file is a file; choose another folder"):
         build(dataset_plan(), tmp_path / "file" / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
 
 
-def test_two_builds_do_not_write_one_folder(tmp_path: Path) -> None:
+def test_two_builds_cannot_write_one_folder(tmp_path: Path) -> None:
     partial = tmp_path / ".tiny.partial"
     partial.mkdir()
     held = os.open(partial, os.O_RDONLY)
@@ -457,7 +455,7 @@ def test_two_builds_do_not_write_one_folder(tmp_path: Path) -> None:
     assert again(tmp_path, workers=0).built
 
 
-def test_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> None:
+def test_variant_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> None:
     plan = dataset_plan()
     for names, message in (
         (("speed=1.5", "speed=1_5"), "would share the folder speed=1_5/"),
@@ -469,7 +467,7 @@ def test_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> None:
             again(tmp_path, plan.model_copy(update={"variants": variants}), workers=0)
 
 
-def test_a_dataset_of_labels_alone(tmp_path: Path) -> None:
+def test_a_dataset_with_labels_only(tmp_path: Path) -> None:
     plan = dataset_plan(depth="npy", annotations=())
     rig = RigPlan(sensors=(sensor_plan(capture=("depth",)),))
     variant = plan.variants[0].model_copy(update={"rig": rig})
@@ -482,7 +480,7 @@ def test_a_dataset_of_labels_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_progress_ends_full_and_seconds_are_counted_by_stage(tmp_path: Path) -> None:
+def test_progress_ends_at_the_total_and_seconds_are_counted_by_stage(tmp_path: Path) -> None:
     events: dict[str, list[tuple[int, int]]] = {}
     result = build(
         dataset_plan(),

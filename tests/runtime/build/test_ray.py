@@ -1,4 +1,4 @@
-"""A Ray cluster makes the same bytes, and loses nothing when it loses a node. `make test-ray`."""
+"""A Ray cluster builds the same bytes, also after losing a worker or a node. `make test-ray`."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ ray = pytest.importorskip("ray")
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    """Two nodes on this host, each with a processor; the first holds no work."""
+    """Start a head node without CPUs and two worker nodes with one CPU each, on this host."""
     from ray.cluster_utils import Cluster
 
     with pytest.MonkeyPatch.context() as patch:
-        roots = [ROOT, *(ROOT / name for name in ("cli", "compiler", "runtime"))]  # for the fakes, and for this code
+        roots = [ROOT, *(ROOT / name for name in ("cli", "compiler", "runtime"))]  # the fakes and the packages
         patch.setenv("PYTHONPATH", os.pathsep.join(map(str, roots)))
         patch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
         nodes = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
@@ -60,19 +60,19 @@ def _build(
         return build(plan, folder / "tiny", cache=folder / "cache", engines=engines, run=run, **more)
 
 
-def _here(folder: Path, plan: DatasetPlan | None = None) -> dict[str, bytes]:
+def _built_locally(folder: Path, plan: DatasetPlan | None = None) -> dict[str, bytes]:
     plan = plan or dataset_plan()
     return tree(build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path)
 
 
-def test_a_cluster_makes_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
+def test_a_cluster_builds_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
     made = _build(tmp_path / "cluster", cluster, workers=2, shard_frames=3)
-    assert tree(made.path) == _here(tmp_path / "here")
+    assert tree(made.path) == _built_locally(tmp_path / "here")
     assert made.seconds["observe"] > 0.0
 
 
 def test_a_node_needs_no_file_of_this_host(tmp_path: Path) -> None:
-    """What a worker makes when the recipe's folder and the cache are gone from its sight is what is made here."""
+    """A remote worker without access to the recipe's folder and the cache renders the same files."""
     shutil.copytree(GOOD, tmp_path / "recipe")
     plan, engines = opened(tmp_path / "recipe" / "recipe.yaml")
     job = Job(plan, engines, ("cpu",), tmp_path / "cache", tmp_path / "here")
@@ -90,7 +90,7 @@ def test_a_node_needs_no_file_of_this_host(tmp_path: Path) -> None:
 
 
 def _portable(records: list[FrameRecord]) -> list[FrameRecord]:
-    """Records without the stamps of files, which each host's own files have."""
+    """Return records without file times and inodes, which differ between hosts."""
     return [{**record, "files": {path: row[:2] for path, row in record["files"].items()}} for record in records]
 
 
@@ -101,32 +101,32 @@ def test_a_node_of_another_release_is_refused(tmp_path: Path) -> None:
 
 
 def _on_its_gpu(scene: ScenePlan, device: str) -> Renderer:
-    """Draws only for who asked Ray for a GPU, and was given one alone."""
+    """Create a renderer; the worker must have exactly one GPU, assigned by Ray."""
     assert device == "cuda:0" and ray.get_gpu_ids() == [int(os.environ["CUDA_VISIBLE_DEVICES"])]
     return Renderer(scene)
 
 
 def test_a_worker_has_a_gpu_of_its_own(cluster: Any, tmp_path: Path) -> None:
-    """A node that says that it has two; as many workers come to be, and a cluster without is refused."""
+    """A node that declares two GPUs runs two workers; a cluster without GPUs is refused."""
     engines = Engines(simulate, actor_bodies, _on_its_gpu)
     with pytest.raises(InputError, match="the Ray cluster has no GPU for a worker"):
         _build(tmp_path / "without", cluster, engines=engines, device="cuda")
     node = cluster.add_node(num_cpus=1, num_gpus=2)
     made = _build(tmp_path / "cluster", cluster, engines=engines, device="cuda", shard_frames=1, workers=2)
     cluster.remove_node(node)
-    assert tree(made.path) == _here(tmp_path / "here")
+    assert tree(made.path) == _built_locally(tmp_path / "here")
     with pytest.raises(InputError, match="every worker has a GPU of its own; say cuda"):
         _build(tmp_path / "one", cluster, engines=engines, device="cuda:1")
 
 
-def test_real_engines_make_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
+def test_real_engines_build_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
     plan = compiled(ROOT / "tests" / "golden" / "tiny.yaml")
     made = _build(tmp_path / "cluster", cluster, engines=None, plan=plan, workers=2)
     here = build(plan, tmp_path / "here" / "tiny", workers=1, cache=tmp_path / "here" / "cache")
     assert tree(made.path) == tree(here.path)
 
 
-def test_a_worker_killed_in_the_middle_changes_nothing(cluster: Any, tmp_path: Path) -> None:
+def test_a_killed_worker_changes_no_byte(cluster: Any, tmp_path: Path) -> None:
     killed: list[int] = []
 
     def kill(stage: str, done: int, total: int) -> None:
@@ -135,10 +135,10 @@ def test_a_worker_killed_in_the_middle_changes_nothing(cluster: Any, tmp_path: P
 
     made = _build(tmp_path / "cluster", cluster, engines=SLOW, workers=2, shard_frames=2, progress=kill)
     assert killed[0] > 0
-    assert tree(made.path) == _here(tmp_path / "here")
+    assert tree(made.path) == _built_locally(tmp_path / "here")
 
 
-def test_a_node_lost_in_the_middle_changes_nothing(cluster: Any, tmp_path: Path) -> None:
+def test_a_lost_node_changes_no_byte(cluster: Any, tmp_path: Path) -> None:
     lost: list[object] = []
 
     def lose(stage: str, done: int, total: int) -> None:
@@ -150,41 +150,41 @@ def test_a_node_lost_in_the_middle_changes_nothing(cluster: Any, tmp_path: Path)
 
     made = _build(tmp_path / "cluster", cluster, engines=SLOW, workers=2, shard_frames=2, progress=lose)
     assert lost
-    assert tree(made.path) == _here(tmp_path / "here")
+    assert tree(made.path) == _built_locally(tmp_path / "here")
     cluster.add_node(num_cpus=1)
 
 
-def _is_ours(process: Path) -> bool:
-    """Whether a process descends from this one: another's cluster on this host is none of our business."""
+def _is_descendant(process: Path) -> bool:
+    """Return whether a process descends from this one, and not from another cluster on this host."""
     while process.name not in ("0", "1", str(os.getpid())):
         process = process.parent / (process / "stat").read_text().rpartition(")")[2].split()[1]
     return process.name == str(os.getpid())
 
 
 def _kill_one() -> int:
-    """End one worker process, as the kernel does when memory runs out; its number."""
+    """Kill one worker process, as the kernel does when memory runs out, and return its process ID."""
     for process in sorted(Path("/proc").glob("[0-9]*"), key=lambda p: int(p.name)):
         try:
             command = (process / "cmdline").read_bytes()
         except OSError:
             continue
-        if command.startswith(b"ray::RemoteWorker") and _is_ours(process):
+        if command.startswith(b"ray::RemoteWorker") and _is_descendant(process):
             os.kill(int(process.name), signal.SIGKILL)
             return int(process.name)
     return 0
 
 
-def test_a_frame_that_fails_is_named(cluster: Any, tmp_path: Path) -> None:
+def test_a_failing_frame_is_named(cluster: Any, tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"(street|side), frame 7: ArithmeticError: the lamp went out"):
         _build(tmp_path, cluster, engines=BROKEN, workers=2)
 
 
-def test_a_shard_that_takes_every_worker_with_it_is_named(cluster: Any, tmp_path: Path) -> None:
+def test_a_shard_that_kills_every_worker_is_named(cluster: Any, tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"frames 6 to 7: 4 workers were lost over it; build again"):
         _build(tmp_path, cluster, engines=DYING, workers=1, shard_frames=2)
 
 
-def test_no_cluster_is_an_error_in_a_line(tmp_path: Path) -> None:
+def test_a_refused_connection_is_an_error_of_one_line(tmp_path: Path) -> None:
     from recipe_runtime.build.ray import joined
 
     with pytest.raises(InputError) as caught, joined("127.0.0.1:1"):
@@ -192,14 +192,14 @@ def test_no_cluster_is_an_error_in_a_line(tmp_path: Path) -> None:
     assert str(caught.value) == "there is no Ray cluster to join at 127.0.0.1:1: Connection refused"
 
 
-def test_a_port_that_is_no_clusters_is_an_error_in_a_line_and_soon() -> None:
+def test_a_port_that_does_not_answer_like_ray_is_soon_an_error_of_one_line() -> None:
     from recipe_runtime.build.ray import joined
 
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address, start = f"127.0.0.1:{silent.getsockname()[1]}", time.monotonic()
         with pytest.raises(InputError) as caught, joined(address):
             pass
-    assert time.monotonic() - start < 15.0  # Ray gives up after minutes
+    assert time.monotonic() - start < 15.0  # Ray itself waits for minutes
     assert str(caught.value) == (
         f"there is no Ray cluster to join at {address}: what listens there does not answer as Ray does"
     )

@@ -1,4 +1,4 @@
-"""Before Ray is asked to join a cluster, something must answer there as Ray does: it would itself wait for minutes."""
+"""The address of a Ray cluster is checked before joining, because Ray itself waits for minutes."""
 
 from __future__ import annotations
 
@@ -16,40 +16,40 @@ SETTINGS = bytes([0, 0, 6, 4, 0, 0, 0, 0, 0]) + bytes([0, 3, 0, 0, 0, 100])
 
 @contextmanager
 def serving(answer: Callable[[socket.socket], None]) -> Iterator[str]:
-    """An address at which one caller is answered so."""
-    with socket.create_server(("127.0.0.1", 0)) as door:
+    """Yield an address that answers one connection with the given function."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
             with suppress(OSError):
-                caller, _ = door.accept()
-                with caller:
-                    answer(caller)
+                connection, _ = server.accept()
+                with connection:
+                    answer(connection)
 
         thread = threading.Thread(target=serve)
         thread.start()
-        yield f"127.0.0.1:{door.getsockname()[1]}"
+        yield f"127.0.0.1:{server.getsockname()[1]}"
         thread.join(10)
         assert not thread.is_alive()
 
 
-def _silent(caller: socket.socket) -> None:
-    while caller.recv(100):
+def _silent(connection: socket.socket) -> None:
+    while connection.recv(100):
         pass
 
 
-def _web(caller: socket.socket) -> None:
-    caller.recv(100)
-    caller.sendall(b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n")
+def _web(connection: socket.socket) -> None:
+    connection.recv(100)
+    connection.sendall(b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n")
 
 
-def _dripping(caller: socket.socket) -> None:
+def _dripping(connection: socket.socket) -> None:
     for byte in SETTINGS:
-        caller.sendall(bytes([byte]))
+        connection.sendall(bytes([byte]))
         time.sleep(0.15)
 
 
-@pytest.mark.parametrize("answer", [_silent, _web, _dripping, lambda caller: None])
-def test_what_is_no_ray_is_told_from_it_soon(
+@pytest.mark.parametrize("answer", [_silent, _web, _dripping, lambda connection: None])
+def test_a_server_that_is_not_ray_is_soon_an_error(
     answer: Callable[[socket.socket], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ray, "TIMEOUT", 0.5)
@@ -60,10 +60,10 @@ def test_what_is_no_ray_is_told_from_it_soon(
         assert time.monotonic() - start < 3.0
 
 
-def test_what_speaks_as_ray_does_is_let_through() -> None:
-    def answer(caller: socket.socket) -> None:
-        assert caller.recv(100).startswith(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n")
-        caller.sendall(SETTINGS)
+def test_a_server_that_answers_like_ray_is_accepted() -> None:
+    def answer(connection: socket.socket) -> None:
+        assert connection.recv(100).startswith(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n")
+        connection.sendall(SETTINGS)
 
     with serving(answer) as address:
         ray._check_address(address)
@@ -71,7 +71,7 @@ def test_what_speaks_as_ray_does_is_let_through() -> None:
         ray._check_address(f"ray://{address}")
 
 
-def test_what_hides_behind_keys_is_for_ray_to_ask(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_address_with_tls_is_not_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAY_USE_TLS", "1")
     with serving(_silent) as address:
         ray._check_address(address)

@@ -1,4 +1,4 @@
-"""A dataset holds the recipe that it was built from, with all that it uses, and is no place for anything else."""
+"""A dataset contains its recipe and the files that the recipe uses, and nothing else of the recipe's folder."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def copied(original: Path, tmp_path: Path) -> Path:
-    """The dataset as somebody else has it: a copy, and nothing besides."""
+    """Return a copy of the dataset, as its recipient has it."""
     return shutil.copytree(original, tmp_path / "copied")
 
 
@@ -59,7 +59,7 @@ def checked(root: Path) -> Report:
 
 
 def forge(root: Path, path: str, body: bytes) -> None:
-    """Put other bytes into a dataset, and into its manifest what they are."""
+    """Replace a file of a dataset and its row in the manifest."""
     (root / path).parent.mkdir(parents=True, exist_ok=True)
     (root / path).write_bytes(body)
     manifest = json.loads((root / "manifest.json").read_text())
@@ -67,7 +67,7 @@ def forge(root: Path, path: str, body: bytes) -> None:
     (root / "manifest.json").write_text(json.dumps(manifest))
 
 
-def test_the_recipe_and_all_that_it_uses_lie_in_the_dataset(original: Path) -> None:
+def test_the_recipe_and_the_files_that_it_uses_are_in_the_dataset(original: Path) -> None:
     held = {path.removeprefix("recipe/"): body for path, body in tree(original).items() if path.startswith("recipe/")}
     lock_there = held.pop("lockfiles/assets.lock")
     assert held == FILES
@@ -89,7 +89,7 @@ def test_a_copy_compiles_to_the_same_plan_and_passes(copied: Path) -> None:
     assert verify_files(datasets.read(copied), Options(1), quiet).verdict == "PASS"
 
 
-def test_a_copy_brings_the_assets_that_its_plan_names(copied: Path) -> None:
+def test_a_copy_has_the_assets_of_its_plan(copied: Path) -> None:
     places = asset_places(datasets.read(copied))
     for variant in COMPILED.plan.variants:
         assert set(variant.files) <= set(places)
@@ -97,7 +97,7 @@ def test_a_copy_brings_the_assets_that_its_plan_names(copied: Path) -> None:
 
 
 @pytest.mark.parametrize("path", ["recipe/recipe.yaml", "recipe/common.yaml", "recipe/lockfiles/assets.lock"])
-def test_a_changed_file_of_the_recipe_is_found(copied: Path, path: str) -> None:
+def test_a_changed_file_of_the_recipe_is_detected(copied: Path, path: str) -> None:
     with (copied / path).open("ab") as file:
         file.write(b"\n# changed\n")
     report = checked(copied)
@@ -105,25 +105,25 @@ def test_a_changed_file_of_the_recipe_is_found(copied: Path, path: str) -> None:
     assert path in {d.path for d in report.differences}
 
 
-def test_a_recipe_of_another_plan_is_found_though_the_manifest_lists_it(copied: Path) -> None:
+def test_a_recipe_with_another_plan_is_detected_though_the_manifest_lists_it(copied: Path) -> None:
     forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"].replace(b"z: 1.6", b"z: 1.7"))
     (found,) = (d for d in checked(copied).differences if d.stage == "recipe")
     assert found.message.startswith("recipe/recipe.yaml is not the recipe of poster=shown,wedge=there")
 
 
-def test_a_recipe_of_other_outputs_is_found(copied: Path) -> None:
+def test_a_recipe_with_other_outputs_is_detected(copied: Path) -> None:
     forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"] + b"output: {depth: npy}\n")
     assert "requests different outputs" in recipe_differences(datasets.read(copied))[0].message
 
 
-def test_an_invalid_recipe_is_found(copied: Path) -> None:
+def test_an_invalid_recipe_is_detected(copied: Path) -> None:
     forge(copied, "recipe/recipe.yaml", b"recipe: [")
     (found,) = recipe_differences(datasets.read(copied))
     assert found.excuse is None
     assert found.message.startswith("recipe/recipe.yaml cannot be compiled: recipe/recipe.yaml:1")
 
 
-def test_a_comment_in_a_listed_recipe_changes_nothing_that_it_makes(copied: Path) -> None:
+def test_a_recipe_that_differs_only_in_a_comment_passes(copied: Path) -> None:
     body, path = FILES["recipe.yaml"] + b"# a comment\n", "recipe/lockfiles/assets.lock"
     forge(copied, "recipe/recipe.yaml", body)
     known = lockfile.read(copied / path)
@@ -132,12 +132,12 @@ def test_a_comment_in_a_listed_recipe_changes_nothing_that_it_makes(copied: Path
     assert recipe_differences(datasets.read(copied)) == []
 
 
-def test_what_the_recipe_does_not_use_has_no_place_in_its_folder(copied: Path) -> None:
+def test_an_unused_file_in_the_recipes_folder_is_detected(copied: Path) -> None:
     forge(copied, "recipe/run_me.sh", b"#!/bin/sh\n")
     assert [d.path for d in checked(copied).differences] == ["recipe/run_me.sh"]
 
 
-def test_another_datasets_lockfile_is_found(copied: Path) -> None:
+def test_the_lockfile_of_another_dataset_is_detected(copied: Path) -> None:
     path = copied / "recipe/lockfiles/assets.lock"
     known = lockfile.read(path)
     other = replace(known, frames=dict.fromkeys(known.frames, "0" * 64))
@@ -156,9 +156,7 @@ def test_another_datasets_lockfile_is_found(copied: Path) -> None:
         ("source", "its rows of files are not those of the recipe in the dataset"),
     ],
 )
-def test_forged_rows_that_no_identity_covers_are_found_in_the_datasets_lockfile(
-    copied: Path, kind: str, message: str
-) -> None:
+def test_forged_lockfile_rows_outside_the_identity_are_detected(copied: Path, kind: str, message: str) -> None:
     path = "recipe/lockfiles/assets.lock"
     known = lockfile.read(copied / path)
     change: dict[str, Any] = {
@@ -176,7 +174,7 @@ def test_forged_rows_that_no_identity_covers_are_found_in_the_datasets_lockfile(
 
 @pytest.mark.slow
 def test_a_recipe_with_another_description_than_a_dataset_without_recipe_fails(copied: Path) -> None:
-    """The description is in the dataset's card and annotations, and in no digest of a lockfile."""
+    """The description is in the card and the annotations, but in no digest of a lockfile."""
     shutil.rmtree(copied / "recipe")
     manifest = json.loads((copied / "manifest.json").read_text())
     manifest["files"] = {path: row for path, row in manifest["files"].items() if not path.startswith("recipe/")}
@@ -188,7 +186,7 @@ def test_a_recipe_with_another_description_than_a_dataset_without_recipe_fails(c
         assert {d.stage for d in report.differences if d.stage == "recipe" and d.excuse is None} == stages
 
 
-def test_a_link_in_the_recipes_place_is_not_followed(copied: Path, tmp_path: Path) -> None:
+def test_a_link_in_place_of_the_recipe_is_not_followed(copied: Path, tmp_path: Path) -> None:
     (tmp_path / "secret.yaml").write_text("password: hunter2\n")
     (copied / "recipe/recipe.yaml").unlink()
     (copied / "recipe/recipe.yaml").symlink_to(tmp_path / "secret.yaml")
@@ -198,21 +196,21 @@ def test_a_link_in_the_recipes_place_is_not_followed(copied: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize("place", ["manifest.json", "../recipe/x.yaml", "recipe/missing.yaml", 7, ["recipe"]])
-def test_a_manifest_that_names_no_file_of_the_recipe_is_damaged(copied: Path, place: object) -> None:
+def test_a_manifest_whose_recipe_is_no_listed_file_is_damaged(copied: Path, place: object) -> None:
     manifest = json.loads((copied / "manifest.json").read_text())
     (copied / "manifest.json").write_text(json.dumps({**manifest, "recipe_file": place}))
     with pytest.raises(InputError, match="damaged"):
         datasets.read(copied)
 
 
-def test_a_manifest_that_hides_the_recipe_is_found(copied: Path) -> None:
+def test_a_manifest_without_the_recipe_is_detected(copied: Path) -> None:
     manifest = json.loads((copied / "manifest.json").read_text())
     del manifest["recipe_file"]
     (copied / "manifest.json").write_text(json.dumps(manifest))
     assert "recipe/recipe.yaml" in {path for path, _ in damaged_files(datasets.read(copied), quiet)}
 
 
-def test_a_repair_mends_the_recipe_and_nothing_that_is_whole(copied: Path, tmp_path: Path) -> None:
+def test_a_repair_restores_the_recipe_and_no_intact_file(copied: Path, tmp_path: Path) -> None:
     def repaired() -> BuildResult:
         sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(copied / "recipe/lockfiles/assets.lock"))
         cache = tmp_path / "cache"
@@ -225,7 +223,7 @@ def test_a_repair_mends_the_recipe_and_nothing_that_is_whole(copied: Path, tmp_p
     assert tree(copied) == before
 
 
-def test_a_lockfile_of_another_dataset_stays_out(tmp_path: Path) -> None:
+def test_a_lockfile_of_another_dataset_is_not_included(tmp_path: Path) -> None:
     plan = dataset_plan(frames=2, weathers=1)
     other = replace(lock(plan, "x.yaml", {}, workers=0, progress=quiet, engines=ENGINES), plan="0" * 64)
     sources = RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: tiny\n"}, other)
@@ -234,12 +232,12 @@ def test_a_lockfile_of_another_dataset_stays_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", ["../up.yaml", "/etc/passwd", "a//b.yaml", "back\\slash.yaml", "line\nbreak.yaml"])
-def test_a_path_that_leads_elsewhere_is_refused(path: str) -> None:
+def test_a_path_outside_the_folder_is_refused(path: str) -> None:
     with pytest.raises(InputError, match="cannot be a file of a dataset"):
         RecipeFiles("tiny.yaml", {"tiny.yaml": b"", path: b""})
 
 
-def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_bytes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recipe_runtime.build.recipe_files.MAX_BYTES", 10)
     with pytest.raises(InputError, match="have 11 bytes, over 10"):
         RecipeFiles("tiny.yaml", {"tiny.yaml": b"01234567890"})
@@ -253,10 +251,10 @@ def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"variants": COMPILED.plan.variants[::-1]}, "different variants than the dataset, or a different order"),
     ],
 )
-def test_what_a_dataset_claims_besides_its_plans_is_its_recipes(
+def test_name_description_and_order_of_variants_must_be_those_of_the_recipe(
     copied: Path, change: dict[str, Any], message: str
 ) -> None:
-    """Name, description and order of variants are in no variant's digest, but in the identity line and the card."""
+    """They are in no variant's digest, but in the identity line and the card."""
     held = datasets.read(copied)
     assert recipe_differences(held) == []
     if "variants" in change and len(COMPILED.plan.variants) < 2:

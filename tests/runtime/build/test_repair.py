@@ -1,4 +1,4 @@
-"""A dataset that stands in its place is mended: what is damaged is made again, the rest is left, the identity too."""
+"""A repair builds damaged files again in place, and changes neither the other files nor the identity."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> BuildResult:
 
 @pytest.fixture
 def made(original: BuildResult, tmp_path: Path) -> BuildResult:
-    """A copy of one build and of its cache; a file that has several names has them in the copy too."""
+    """Return a copy of a build and of its cache that preserves hard links."""
     subprocess.run(["cp", "-a", f"{original.path.parent}/.", tmp_path], check=True)
     return replace(original, path=tmp_path / original.path.name)
 
@@ -41,12 +41,12 @@ def _build(folder: Path, calls: Calls | None = None, *, repair: bool = False) ->
 
 
 def _flip(path: Path) -> None:
-    """One bit, in place: every name of the file is damaged with it."""
+    """Flip one bit in place, which damages all hard links of the file."""
     body = path.read_bytes()
     path.write_bytes(body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
 
 
-def _is_whole(root: Path) -> bool:
+def _is_intact(root: Path) -> bool:
     return verify_files(read(root), Options(nonce=1), lambda *_: None).verdict == "PASS"
 
 
@@ -54,22 +54,22 @@ def _inodes(root: Path) -> dict[str, int]:
     return {path: (root / path).stat().st_ino for path in tree(root)}
 
 
-def test_a_flipped_bit_is_found_and_its_frame_alone_is_made_again(made: BuildResult, tmp_path: Path) -> None:
+def test_a_flipped_bit_is_detected_and_only_its_frame_is_rendered_again(made: BuildResult, tmp_path: Path) -> None:
     before, inodes, calls = tree(made.path), _inodes(made.path), Calls()
     _flip(made.path / STREET / "rgb/000003.png")
-    assert not _build(tmp_path).built  # sizes say nothing of it
-    assert not _is_whole(made.path)
+    assert not _build(tmp_path).built  # the sizes are unchanged
+    assert not _is_intact(made.path)
     mended = _build(tmp_path, calls, repair=True)
     assert [what for what, _ in calls] == ["observe", "shade", "shade"]  # frame 3, in the view's two weathers
     assert mended.mended == (f"{STREET}/rgb/000003.png differs from its SHA-256 in the manifest",)
     assert (mended.identity, tree(mended.path)) == (made.identity, before)
-    assert _is_whole(made.path)
+    assert _is_intact(made.path)
     kept = [path for path, inode in _inodes(made.path).items() if inode == inodes[path] and "/rgb/" in path]
     assert len(kept) == sum("/rgb/" in path for path in before) - 2
 
 
-def test_a_label_is_mended_under_all_its_names(made: BuildResult, tmp_path: Path) -> None:
-    """One file stands in every variant; one of its names may also have become a copy, damaged on its own."""
+def test_a_shared_label_file_is_repaired_in_every_variant(made: BuildResult, tmp_path: Path) -> None:
+    """The variants share one file by hard links; one of them may also be a separate, damaged copy."""
     before = tree(made.path)
     shared = made.path / STREET / "depth/000002.png"
     assert shared.stat().st_nlink > 1
@@ -89,7 +89,7 @@ def test_a_label_is_mended_under_all_its_names(made: BuildResult, tmp_path: Path
 def test_a_dataset_whose_manifest_has_another_plan_of_a_variant_is_built_again(
     made: BuildResult, tmp_path: Path, key: str
 ) -> None:
-    """A plan's digest is not part of the identity, so the manifest may say anything and still be consistent."""
+    """A plan's digest is not part of the identity, so a manifest with any digest is consistent."""
     path = made.path / "manifest.json"
     before, manifest = path.read_bytes(), json.loads(path.read_text())
     manifest["variants"]["weather=w0,jitter=still"][key] = "1" * 64
@@ -112,7 +112,7 @@ def test_a_dataset_whose_manifest_has_another_plan_of_a_variant_is_built_again(
     ],
 )
 @pytest.mark.parametrize("gone", [False, True])
-def test_every_other_file_is_mended_too(made: BuildResult, tmp_path: Path, path: str, gone: bool) -> None:
+def test_every_other_kind_of_file_is_repaired(made: BuildResult, tmp_path: Path, path: str, gone: bool) -> None:
     before = tree(made.path)
     if gone:
         (made.path / path).unlink()
@@ -122,7 +122,7 @@ def test_every_other_file_is_mended_too(made: BuildResult, tmp_path: Path, path:
     assert tree(made.path) == before
 
 
-def test_links_and_pipes_in_a_files_place_are_mended(made: BuildResult, tmp_path: Path) -> None:
+def test_links_and_pipes_in_place_of_a_file_are_replaced(made: BuildResult, tmp_path: Path) -> None:
     before, outside = tree(made.path), tmp_path / "outside.png"
     outside.write_bytes(before[f"{STREET}/rgb/000001.png"])
     for path in ("rgb/000001.png", "labels.jsonl"):
@@ -133,13 +133,13 @@ def test_links_and_pipes_in_a_files_place_are_mended(made: BuildResult, tmp_path
     assert tree(made.path) == before and not (made.path / STREET / "rgb/000001.png").is_symlink()
 
 
-def test_what_is_whole_is_left_alone(made: BuildResult, tmp_path: Path) -> None:
+def test_an_intact_dataset_is_unchanged(made: BuildResult, tmp_path: Path) -> None:
     inodes, calls = _inodes(made.path), Calls()
     result = _build(tmp_path, calls, repair=True)
     assert (result.built, result.mended, calls, _inodes(made.path)) == (False, (), [], inodes)
 
 
-def test_a_damaged_trace_in_the_cache_mends_nothing_wrongly(made: BuildResult, tmp_path: Path) -> None:
+def test_a_damaged_trace_in_the_cache_is_not_used(made: BuildResult, tmp_path: Path) -> None:
     before = tree(made.path)
     for path in (tmp_path / "cache" / "traces").rglob("*"):
         if path.is_file():
@@ -149,8 +149,8 @@ def test_a_damaged_trace_in_the_cache_mends_nothing_wrongly(made: BuildResult, t
     assert tree(made.path) == before
 
 
-def test_what_this_host_makes_otherwise_is_not_passed_off_as_the_same(made: BuildResult, tmp_path: Path) -> None:
-    """A dataset whose other frames are of another picture would keep its name and hold two kinds of frames."""
+def test_a_host_that_renders_other_bytes_cannot_repair(made: BuildResult, tmp_path: Path) -> None:
+    """Otherwise the dataset would keep its identity and contain frames of two renderers."""
     manifest = json.loads((made.path / layout.MANIFEST).read_text())
     rows = manifest["variants"]["weather=w0,jitter=still"]["frames"]["street"]["rgb"]
     rows[3] = "0" * 64
@@ -166,7 +166,7 @@ def test_what_this_host_makes_otherwise_is_not_passed_off_as_the_same(made: Buil
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "tiny"]
 
 
-def test_a_file_that_someone_put_there_is_not_cleared_away(made: BuildResult, tmp_path: Path) -> None:
+def test_a_foreign_file_is_not_removed(made: BuildResult, tmp_path: Path) -> None:
     (made.path / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"holds a file that is not the dataset's, notes\.txt"):
         _build(tmp_path, repair=True)

@@ -1,4 +1,4 @@
-"""`lock` and `verify --all` continue a run that was stopped, and a lock takes over the dataset that was built."""
+"""`lock` and `verify --all` resume an interrupted run, and `lock` reuses the dataset that was built."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def quiet(stage: str, done: int, total: int) -> None:
 
 
 def counting(frames: list[float]) -> Engines:
-    """Engines that note the times at which pictures are taken; in this process only."""
+    """Return engines that record the times of observed frames, in this process only."""
 
     class Counted(Renderer):
         def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
@@ -78,7 +78,7 @@ def test_a_lock_after_a_build_renders_nothing(fresh: Lockfile, built: Path, tmp_
     assert (seen, known.taken_frames, known.resumed_frames) == ([], FRAMES, 0)
 
 
-def test_what_the_dataset_does_not_prove_is_rendered(fresh: Lockfile, built: Path, tmp_path: Path) -> None:
+def test_frames_without_a_valid_dataset_file_are_rendered(fresh: Lockfile, built: Path, tmp_path: Path) -> None:
     picture = built / PICTURE
     picture.write_bytes(bytes(picture.stat().st_size))
     (built / "weather=w0,jitter=shaky/street/depth/000004.png").unlink()
@@ -86,15 +86,15 @@ def test_what_the_dataset_does_not_prove_is_rendered(fresh: Lockfile, built: Pat
     made, known = relock(tmp_path / "cache", counting(seen))
     assert made == fresh
     assert len(seen) == 2
-    assert known.taken_frames == FRAMES - 2 * 2  # a frame is taken for all variants of its view, or for none
+    assert known.taken_frames == FRAMES - 2 * 2  # a frame is reused for all variants of its view or for none
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["another cache", "changed manifest", "other code", "gone"])
-def test_only_a_dataset_of_this_host_is_taken_over(
+def test_only_a_dataset_built_on_this_host_is_reused(
     fresh: Lockfile, built: Path, tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Manifests are untrusted; one is accepted by its digest, which this host's cache has."""
+    """Manifests are untrusted: one is accepted if this host's cache has its digest."""
     cache = tmp_path / "cache"
     if how == "another cache":
         cache = tmp_path / "other"
@@ -111,7 +111,7 @@ def test_only_a_dataset_of_this_host_is_taken_over(
     assert made == fresh
 
 
-def test_a_dataset_of_another_motion_proves_nothing(built: Path, tmp_path: Path) -> None:
+def test_a_dataset_with_another_motion_is_not_reused(built: Path, tmp_path: Path) -> None:
     def other(scene: ScenePlan) -> Trace:
         trace = simulate(scene)
         return replace(trace, positions=trace.positions + 1)
@@ -123,26 +123,26 @@ def test_a_dataset_of_another_motion_proves_nothing(built: Path, tmp_path: Path)
 
 
 def stopped_lock(cache: Path) -> Path:
-    """The journal of a lock that failed in its second shard: one record."""
+    """Return the journal of a lock that failed in its second shard, with one record."""
     with pytest.raises(RunError, match="frame 7"):
         relock(cache, BROKEN)
     (record,) = cache.glob("shards/??/*")
     return record
 
 
-def test_a_lock_that_failed_is_continued_and_clears_up(fresh: Lockfile, tmp_path: Path) -> None:
+def test_a_failed_lock_is_resumed_and_removes_its_journal(fresh: Lockfile, tmp_path: Path) -> None:
     stopped_lock(tmp_path)
     seen: list[float] = []
     made, known = relock(tmp_path, counting(seen))
     assert made == fresh and made.dumps() == fresh.dumps()
     assert (known.resumed_frames, len(seen)) == (STOPPED, 3 * 12 - 5)
-    assert known.kept_frames() == FRAMES  # the lockfile may still fail to be written
+    assert known.kept_frames() == FRAMES  # writing the lockfile may still fail
     known.close()
     assert not list(tmp_path.glob("shards/??/*"))
 
 
 @pytest.mark.parametrize("how", ["edited", "cut off", "other code", "other plan"])
-def test_a_journal_that_is_not_of_this_run_is_not_believed(
+def test_a_journal_of_another_run_is_not_used(
     fresh: Lockfile, tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     record = stopped_lock(tmp_path)
@@ -160,7 +160,7 @@ def test_a_journal_that_is_not_of_this_run_is_not_believed(
         assert made == fresh
 
 
-def test_a_cache_that_cannot_be_written_is_no_error(fresh: Lockfile, tmp_path: Path) -> None:
+def test_an_unwritable_cache_is_not_an_error(fresh: Lockfile, tmp_path: Path) -> None:
     (tmp_path / "shards").write_text("in the way")
     assert relock(tmp_path)[0] == fresh
 
@@ -185,7 +185,7 @@ verify(dataset_plan(), read(Path({lock!r})), Options(1, everything=True), lambda
 
 
 def stop(code: str, cache: Path, how: signal.Signals) -> None:
-    """Run that, and end it when it has finished a shard."""
+    """Run code in a process, and stop it after a completed shard."""
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     with (cache.parent / "stderr").open("wb") as errors:
         process = subprocess.Popen([sys.executable, "-c", code], cwd=cache.parent, stderr=errors, env=environment)
@@ -198,7 +198,7 @@ def stop(code: str, cache: Path, how: signal.Signals) -> None:
 
 
 @pytest.mark.slow
-def test_a_lock_that_was_killed_is_continued(fresh: Lockfile, tmp_path: Path) -> None:
+def test_a_killed_lock_is_resumed(fresh: Lockfile, tmp_path: Path) -> None:
     stop(LOCK_SLOWLY.format(cache=str(tmp_path / "cache")), tmp_path / "cache", signal.SIGKILL)
     made, known = relock(tmp_path / "cache")
     assert STOPPED <= known.resumed_frames < FRAMES
@@ -211,7 +211,7 @@ def check(lockfile: Lockfile, cache: Path, engines: Engines = ENGINES, **more: A
 
 
 @pytest.mark.slow
-def test_a_verification_that_was_interrupted_is_continued(fresh: Lockfile, tmp_path: Path) -> None:
+def test_an_interrupted_verification_is_resumed(fresh: Lockfile, tmp_path: Path) -> None:
     fresh.write(tmp_path / "tiny.lock")
     cache = tmp_path / "cache"
     stop(VERIFY_SLOWLY.format(cache=str(cache), lock=str(tmp_path / "tiny.lock")), cache, signal.SIGINT)
@@ -229,8 +229,8 @@ def stopped_verification(lockfile: Lockfile, cache: Path, **more: Any) -> None:
     assert list(cache.glob("shards/??/*"))
 
 
-def test_a_resumed_verification_finds_what_differs(fresh: Lockfile, tmp_path: Path) -> None:
-    """Also in a frame that the stopped run had rendered."""
+def test_a_resumed_verification_detects_differences(fresh: Lockfile, tmp_path: Path) -> None:
+    """This includes a frame that the stopped run had rendered."""
     stopped_verification(fresh, tmp_path)
     row = next(key for key in fresh.frames if key[1:] == ("street", "rgb", 2))
     report = check(replace(fresh, frames={**fresh.frames, row: "0" * 64}), tmp_path)
@@ -251,7 +251,7 @@ def _other_code(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("change", [_other_device, _other_host, _other_code])
-def test_a_verification_takes_up_what_this_host_and_device_rendered(
+def test_a_verification_resumes_only_work_of_this_host_code_and_device(
     fresh: Lockfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[pytest.MonkeyPatch], None]
 ) -> None:
     stopped_verification(fresh, tmp_path)
@@ -260,12 +260,12 @@ def test_a_verification_takes_up_what_this_host_and_device_rendered(
     assert (report.verdict, report.resumed) == ("PASS", 0)
 
 
-def test_a_sample_is_rendered_whatever_was_stopped(fresh: Lockfile, tmp_path: Path) -> None:
+def test_a_sampled_verification_does_not_use_the_journal(fresh: Lockfile, tmp_path: Path) -> None:
     stopped_verification(fresh, tmp_path)
     assert check(fresh, tmp_path, everything=False).resumed == 0
 
 
-def test_a_locks_journal_is_not_used_by_verify(fresh: Lockfile, tmp_path: Path) -> None:
+def test_verify_does_not_use_the_journal_of_lock(fresh: Lockfile, tmp_path: Path) -> None:
     stopped_lock(tmp_path)
     assert check(fresh, tmp_path).resumed == 0
 
@@ -274,7 +274,7 @@ def test_a_locks_journal_is_not_used_by_verify(fresh: Lockfile, tmp_path: Path) 
 def test_a_resumed_verification_of_a_dataset_reads_the_files_again(
     fresh: Lockfile, built: Path, tmp_path: Path
 ) -> None:
-    """The files made by the stopped run were not kept: those of the dataset must be the ones that it recorded."""
+    """The stopped run kept no files, so the dataset's files must have the recorded digests."""
     cache, held = tmp_path / "cache", datasets.read(built)
     stopped_verification(fresh, cache, dataset=held)
     assert check(fresh, cache, dataset=held).resumed == STOPPED

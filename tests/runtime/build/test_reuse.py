@@ -1,4 +1,4 @@
-"""A changed recipe builds only what changed, and ends with the bytes of a build from nothing."""
+"""A build after a change of the recipe renders only changed frames, and equals a new build byte for byte."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Explain = Callable[[list[str]], None]
 
 
 def counting(calls: Calls) -> Engines:
-    """Engines that note what they are asked for; in this process only."""
+    """Return engines that record their calls, in this process only."""
 
     class Counted(Renderer):
         def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
@@ -48,12 +48,12 @@ def _fresh(folder: Path, plan: DatasetPlan) -> dict[str, bytes]:
 
 
 def _changed(plan: DatasetPlan, **update: object) -> DatasetPlan:
-    """The plan with other values, and no digest remembered from before."""
+    """Return the plan with other values and without cached digests."""
     return DatasetPlan.model_validate_json(plan.model_copy(update=update).model_dump_json())
 
 
 @pytest.mark.slow
-def test_one_changed_weather_is_one_appearance(tmp_path: Path) -> None:
+def test_one_changed_weather_renders_one_appearance(tmp_path: Path) -> None:
     calls: Calls = []
     first, second = dataset_plan(frames=6, weathers=2), dataset_plan(frames=6, weathers=3)
     _build(tmp_path / "a", first, calls)
@@ -74,7 +74,7 @@ def test_a_removed_value_renders_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_another_sensor_leaves_the_others_alone(tmp_path: Path) -> None:
+def test_a_new_sensor_does_not_render_the_others_again(tmp_path: Path) -> None:
     calls: Calls = []
     plan = dataset_plan(frames=6, weathers=1)
     _build(tmp_path / "a", plan)
@@ -85,12 +85,12 @@ def test_another_sensor_leaves_the_others_alone(tmp_path: Path) -> None:
         moved.append(variant.model_copy(update={"rig": RigPlan(sensors=(kept, side))}))
     changed_plan = _changed(plan, variants=tuple(moved))
     changed = _build(tmp_path / "a", changed_plan, calls)
-    assert sum(what == "observe" for what, _ in calls) == 6  # the new one, once for both rigs
+    assert sum(what == "observe" for what, _ in calls) == 6  # the new sensor, once for both rigs
     assert tree(changed.path) == _fresh(tmp_path / "b", changed_plan)
 
 
 @pytest.mark.slow
-def test_a_renamed_variant_is_the_same_content(tmp_path: Path) -> None:
+def test_a_renamed_variant_renders_nothing(tmp_path: Path) -> None:
     calls: Calls = []
     plan = dataset_plan(frames=6, weathers=1)
     _build(tmp_path / "a", plan)
@@ -103,26 +103,26 @@ def test_a_renamed_variant_is_the_same_content(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", ["street/rgb/000003.png", "street/depth/000002.png", "side/labels.jsonl"])
-def test_a_damaged_file_is_not_taken_over(tmp_path: Path, path: str) -> None:
+def test_a_damaged_file_is_not_reused(tmp_path: Path, path: str) -> None:
     first, second = dataset_plan(frames=6, weathers=1), dataset_plan(frames=6, weathers=2)
     old = _build(tmp_path / "a", first).path / "weather=w0,jitter=still" / path
     body = old.read_bytes()
-    old.unlink()  # it may have other names
+    old.unlink()  # (it may have hard links)
     old.write_bytes(body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
     assert tree(_build(tmp_path / "a", second).path) == _fresh(tmp_path / "b", second)
 
 
 @pytest.mark.slow
-def test_an_untrusted_dataset_is_not_taken_from(tmp_path: Path) -> None:
+def test_an_untrusted_dataset_is_not_reused(tmp_path: Path) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
-    (tmp_path / "a" / "cache").rename(tmp_path / "a" / "gone")  # nothing tells that this program built it
+    (tmp_path / "a" / "cache").rename(tmp_path / "a" / "gone")  # so the dataset is not known to be of this host
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=2), calls)
     assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
 
 
 @pytest.mark.slow
-def test_what_other_code_built_is_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dataset_of_another_version_is_not_reused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
     monkeypatch.setattr(reuse_module, "builder_identity", lambda: "another")
@@ -131,7 +131,7 @@ def test_what_other_code_built_is_not_taken_over(tmp_path: Path, monkeypatch: py
 
 
 @pytest.mark.slow
-def test_other_outputs_are_made_anew(tmp_path: Path) -> None:
+def test_other_outputs_are_written_again(tmp_path: Path) -> None:
     plan = dataset_plan(frames=6, weathers=1)
     _build(tmp_path / "a", plan)
     changed_plan = _changed(plan, depth="npy")
@@ -139,7 +139,7 @@ def test_other_outputs_are_made_anew(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_each_stage_says_why_it_runs(tmp_path: Path) -> None:
+def test_each_stage_reports_why_it_runs(tmp_path: Path) -> None:
     reported: list[str] = []
     _build(tmp_path, dataset_plan(frames=6, weathers=1), explain=reported.extend)
     assert reported[0] == "simulate 1 of 1 scene: their motion is not in the cache"

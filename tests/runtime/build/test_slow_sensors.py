@@ -1,4 +1,4 @@
-"""A sensor with an interval: the frames that it does not take are absent everywhere, and the others are unchanged."""
+"""A sensor with an interval: skipped frames are absent everywhere, and the other frames are unchanged."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STREET = "weather=w0,jitter=shaky/street"
 
 
 def slowed(plan: DatasetPlan, interval: int = 5) -> DatasetPlan:
-    """The plan with a slower street sensor; the side sensor takes every frame."""
+    """Return the plan with a slower street sensor; the side sensor captures every frame."""
 
     def slow(sensor: SensorPlan) -> SensorPlan:
         return sensor.model_copy(update={"interval": interval}) if sensor.name == "street" else sensor
@@ -65,15 +65,15 @@ def quiet(*_: object) -> None:
     pass
 
 
-def test_a_plan_without_the_options_does_not_name_them() -> None:
-    """Their absence leaves every digest as it was before they existed."""
+def test_a_plan_without_intervals_does_not_contain_the_field() -> None:
+    """So digests of plans from before the option are unchanged."""
     for sensor in dataset_plan().variants[0].rig.sensors:
         assert not sensor.document().keys() & {"arm", "interval"}
     street = SLOW.variants[0].rig.sensors[0].document()
     assert street["interval"] == 5 and "arm" not in street
 
 
-def test_the_frames_it_takes_are_those_of_a_full_build_and_no_others_are_there(slow: Path, whole: Path) -> None:
+def test_captured_frames_equal_those_of_a_full_build_and_others_are_absent(slow: Path, whole: Path) -> None:
     ours, theirs = tree(slow), tree(whole)
     for variant in SLOW.variants:
         for modality in ("rgb", "depth", "instance", "semantic"):
@@ -89,15 +89,17 @@ def test_the_frames_it_takes_are_those_of_a_full_build_and_no_others_are_there(s
     assert set(ours) == layout.expected_files(SLOW)
 
 
-def test_its_size_is_counted_by_the_frames_it_takes() -> None:
+def test_the_estimated_size_counts_captured_frames_only() -> None:
     limits.check_bounds(SLOW)
-    assert limits.row_count(SLOW) == 4 * (3 * 5 + 12 * 3)  # labels and four modalities, labels and two
+    assert limits.row_count(SLOW) == 4 * (3 * 5 + 12 * 3)  # labels and four modalities; labels and two modalities
     assert len(list(digests.frame_keys(SLOW))) == limits.row_count(SLOW)
     files = len(layout.expected_files(SLOW))
     assert files <= limits.file_count(SLOW) <= files + 12
 
 
-def test_the_manifest_and_the_lockfile_number_frames_as_the_clip_does(slow: Path, whole: Path, tmp_path: Path) -> None:
+def test_the_manifest_and_the_lockfile_use_the_frame_numbers_of_the_clip(
+    slow: Path, whole: Path, tmp_path: Path
+) -> None:
     manifest = json.loads((slow / "manifest.json").read_text())
     row = manifest["variants"]["weather=w0,jitter=shaky"]
     full = json.loads((whole / "manifest.json").read_text())["variants"]["weather=w0,jitter=shaky"]
@@ -111,7 +113,7 @@ def test_the_manifest_and_the_lockfile_number_frames_as_the_clip_does(slow: Path
 
 
 @pytest.mark.parametrize("intervals", [{"street": 1}, {"street": "5"}, {}, [5], {"street": True}])
-def test_a_manifest_with_an_interval_that_cannot_be_is_damaged(slow: Path, tmp_path: Path, intervals: Any) -> None:
+def test_a_manifest_with_an_invalid_interval_is_damaged(slow: Path, tmp_path: Path, intervals: Any) -> None:
     manifest = json.loads((slow / "manifest.json").read_text())
     manifest["variants"]["weather=w0,jitter=shaky"]["intervals"] = intervals
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
@@ -119,7 +121,7 @@ def test_a_manifest_with_an_interval_that_cannot_be_is_damaged(slow: Path, tmp_p
         read_manifest(tmp_path)
 
 
-def test_it_verifies_and_a_frame_at_another_place_fails(slow: Path) -> None:
+def test_it_passes_verification_and_a_frame_under_another_number_fails(slow: Path) -> None:
     held, options = datasets.read(slow), Options(nonce=1, everything=True, workers=0)
     report = verify(held.plan, held.lock, options, quiet, dataset=held, engines=ENGINES)
     assert (report.verdict, report.bound.total) == ("PASS", 4 * (3 + 12))
@@ -129,7 +131,7 @@ def test_it_verifies_and_a_frame_at_another_place_fails(slow: Path) -> None:
     assert report.verdict == "FAIL"
 
 
-def test_annotations_keep_the_clips_numbers_and_times(slow: Path) -> None:
+def test_annotations_use_the_clips_frame_numbers_and_times(slow: Path) -> None:
     data = kwcoco.CocoDataset(slow / "annotations/kwcoco.json")
     assert not data.missing_images()
     for name, numbers in (("street", list(TAKEN)), ("side", list(range(12)))):
@@ -143,7 +145,7 @@ def test_annotations_keep_the_clips_numbers_and_times(slow: Path) -> None:
     assert [row["frame_index"] for row in shown] == list(TAKEN)
 
 
-def test_mots_text_and_pictures_number_frames_alike(slow: Path, whole: Path) -> None:
+def test_mots_text_and_pictures_use_the_same_frame_numbers(slow: Path, whole: Path) -> None:
     name = layout.sequence("weather=w0,jitter=shaky", "street")
     lines = (slow / f"mots/MOTS-train/{name}/gt/gt.txt").read_text().splitlines()
     every = (whole / f"mots/MOTS-train/{name}/gt/gt.txt").read_text().splitlines()
@@ -153,7 +155,7 @@ def test_mots_text_and_pictures_number_frames_alike(slow: Path, whole: Path) -> 
     assert pictures == [f"{k + 1:06d}" for k in TAKEN]
 
 
-def test_an_export_has_its_frames_and_no_others(slow: Path, tmp_path: Path) -> None:
+def test_an_export_has_only_the_captured_frames(slow: Path, tmp_path: Path) -> None:
     shards.webdataset(datasets.read(slow), tmp_path / "out", quiet)
     names: list[str] = []
     for path in sorted((tmp_path / "out").glob("*.tar")):
@@ -163,7 +165,7 @@ def test_an_export_has_its_frames_and_no_others(slow: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_a_sensor_at_another_rate_is_rendered_again_and_the_others_are_not(slow: Path, tmp_path: Path) -> None:
+def test_only_a_sensor_with_another_rate_is_rendered_again(slow: Path, tmp_path: Path) -> None:
     made(tmp_path, SLOW)
     result = build(slowed(dataset_plan(), 3), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
     assert (result.taken_frames, result.made_frames) == (4 * 12, 4 * 4)
@@ -176,7 +178,7 @@ def test_a_sensor_at_another_rate_is_rendered_again_and_the_others_are_not(slow:
     assert tree(grown.path) == tree(made(tmp_path / "fresh", slowed(wider)))
 
 
-def test_a_scenario_renders_the_frames_that_it_takes(slow: Path) -> None:
+def test_a_scenario_renders_only_captured_frames(slow: Path) -> None:
     with Scenario(SLOW.variants[1], Scenes(engines=ENGINES)) as scenario:
         assert (len(scenario), scenario.frames(), scenario.frames("side")) == (12, range(0, 12, 5), range(12))
         assert [number for number, _ in scenario.stream("street")] == list(TAKEN)
@@ -189,9 +191,9 @@ def test_a_scenario_renders_the_frames_that_it_takes(slow: Path) -> None:
                 scenario.labels(number)
 
 
-def test_a_shot_is_of_a_frame_that_it_takes(tmp_path: Path) -> None:
+def test_a_shot_is_of_a_captured_frame(tmp_path: Path) -> None:
     variant = SLOW.variants[0]
-    assert shot(variant, engines=ENGINES).frame == 5  # the middle one of three
+    assert shot(variant, engines=ENGINES).frame == 5  # the middle one of the three captured frames
     assert shot(variant, "street", 10, engines=ENGINES).frame == 10
     with pytest.raises(InputError, match="street takes no picture at frame 6; it takes 0, 5, 10 only"):
         shot(variant, "street", 6, engines=ENGINES)

@@ -1,4 +1,4 @@
-"""Kinds of town elements: each alone is a sound mesh of its own size, with CARLA's tags and a colour for every slot."""
+"""Each kind of town element is a valid mesh of its declared size, with CARLA's tags and a colour for every slot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _GANTRY = {"lanes": 3, "lane": 3.6, "first": -4.0, "key": 5}
 
 @dataclass(frozen=True)
 class Kind:
-    """What a kind may be: its size, how far it may reach beyond it (x, y, z), its tags, most triangles, shape."""
+    """A kind of element: size, permitted overhang (x, y, z), tags, maximum number of triangles, shape."""
 
     kind: str
     size: tuple[float, float, float]
@@ -28,7 +28,7 @@ class Kind:
     most: int
     shape: dict[str, float] = field(default_factory=dict)
     beyond: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    front: bool = False  # the origin is at the middle of its front and it extends to -x
+    front: bool = False  # the origin is at the centre of its front, and the element extends to -x
 
     def __str__(self) -> str:
         return "-".join([self.kind, *(f"{k}{v:g}" for k, v in self.shape.items() if k in ("style", "roof", "species"))])
@@ -98,7 +98,7 @@ def digest(mesh: Mesh) -> str:
 
 
 @pytest.mark.parametrize("k", KINDS, ids=str)
-def test_a_kind_is_sound(k: Kind) -> None:
+def test_the_mesh_of_a_kind_is_valid(k: Kind) -> None:
     mesh = mesh_of(k)
     assert 0 < len(mesh.triangles) <= k.most
     assert np.isfinite(mesh.vertices).all() and np.isfinite(mesh.uvs).all()
@@ -110,7 +110,7 @@ def test_a_kind_is_sound(k: Kind) -> None:
 
 
 @pytest.mark.parametrize("k", KINDS, ids=str)
-def test_a_kind_keeps_to_its_size(k: Kind) -> None:
+def test_a_kind_has_its_declared_size(k: Kind) -> None:
     mesh = mesh_of(k)
     x, y, z = k.size
     low = np.array([-x if k.front else -x / 2, -y / 2, 0.0])
@@ -124,8 +124,8 @@ def test_a_kind_keeps_to_its_size(k: Kind) -> None:
 
 
 @pytest.mark.parametrize("k", KINDS, ids=str)
-def test_a_kind_is_seen_from_outside(k: Kind) -> None:
-    """Faces are counter-clockwise: they look where their vertices' normals do; leaves alone may lean away."""
+def test_the_faces_of_a_kind_point_outwards(k: Kind) -> None:
+    """Faces are counter-clockwise: their normals agree with those of their vertices, except for leaves."""
     mesh = mesh_of(k)
     a, b, c = (mesh.vertices[mesh.triangles[:, n]].astype(np.float64) for n in range(3))
     face = np.cross(b - a, c - a)
@@ -136,8 +136,8 @@ def test_a_kind_is_seen_from_outside(k: Kind) -> None:
 
 
 @pytest.mark.parametrize("k", KINDS, ids=str)
-def test_nobody_sees_the_inside_of_a_kind(k: Kind) -> None:
-    """Of rays from outside, level or from above, the first face met looks back; slits beside thin mouldings aside."""
+def test_a_kind_is_closed_from_outside(k: Kind) -> None:
+    """Horizontal and downward rays from outside hit a front face first, except at slits beside thin mouldings."""
     mesh = mesh_of(k)
     leaves = np.array([s.pattern == Pattern.FOLIAGE for s in mesh.surfaces])[mesh.surface]
     corners = mesh.vertices.astype(np.float64)[mesh.triangles[~leaves]]
@@ -158,7 +158,7 @@ def _downward(random: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _first_face(corners: NDArray[np.float64], target: NDArray[np.float64], way: NDArray[np.float64]) -> bool | None:
-    """Whether the first triangle on the way to the target looks back at the eye; None if there is none."""
+    """Return whether the first triangle on a ray is a front face; None if the ray hits nothing."""
     eye = target - 200.0 * way
     u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = np.cross(way, v)

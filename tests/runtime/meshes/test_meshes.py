@@ -1,4 +1,4 @@
-"""Meshes: sound triangles of every kind, colours for every slot, parts in the Trace's order, the same bytes twice."""
+"""Meshes: valid triangles, colours for every slot, parts in the order of the Trace, reproducible bytes."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     return np.cross(b - a, c - a).astype(np.float64, copy=False)
 
 
-def test_the_last_town_is_kept_for_scenes_that_share_it_unless_it_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The scenes of a sweep over casts each built the meshes of their town anew."""
+def test_the_last_town_is_cached_unless_it_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scenes of a sweep over actors share the meshes of their town."""
     element = Element(name="bench", kind="bench", pose=Pose(), size=(1.6, 0.6, 0.9))
     town = TownPlan(name="one", elements=(element,))
     kept = town_bodies(town)
@@ -142,7 +142,7 @@ def test_town() -> None:
         assert {s.slot for s in body.mesh("static").surfaces} <= set(TOWN.looks[body.name])
         assert all(0 < s.tag <= 28 for s in body.mesh("static").surfaces)
     made = bodies_of_town()
-    town_bodies(TownPlan(name="other", elements=()))  # otherwise the town that was kept would be compared with itself
+    town_bodies(TownPlan(name="other", elements=()))  # otherwise the cached town would be compared with itself
     assert digest(made) == digest(town_bodies(TOWN.plan))
 
 
@@ -166,7 +166,7 @@ def test_every_town_has_valid_tags_colours_and_a_budget(name: str, most: int) ->
         assert {s.slot for s in surfaces} <= set(town.looks[body.name])
 
 
-def test_streets_look_up_and_lamps_shine_down() -> None:
+def test_street_normals_point_up_and_lamps_shine_down() -> None:
     for element, body in zip(TOWN.plan.elements, bodies_of_town(), strict=True):
         mesh = body.mesh("static")
         if element.kind in ("road", "junction", "ground"):
@@ -175,10 +175,10 @@ def test_streets_look_up_and_lamps_shine_down() -> None:
             assert [light.direction for light in mesh.lights] == [(0.0, 0.0, -1.0)]
 
 
-def test_windows_have_names() -> None:
-    """Within one pane the whole part of uv is one number, and panes of a building differ."""
+def test_each_window_pane_has_a_number() -> None:
+    """The integer part of uv is constant within a pane and differs between the panes of a building."""
     for element, body in zip(TOWN.plan.elements, bodies_of_town(), strict=True):
-        if element.kind != "building" or element.shape["style"] == 4:  # glass all over
+        if element.kind != "building" or element.shape["style"] == 4:  # a glass facade
             continue
         mesh = body.mesh("static")
         panes = [n for n, s in enumerate(mesh.surfaces) if s.pattern == Pattern.WINDOW and s.slot == "window"]
@@ -202,10 +202,10 @@ def test_smooth_normals_of_a_sphere_point_outwards() -> None:
     copies=st.integers(1, 3),
 )
 @settings(max_examples=30, deadline=None)
-def test_corner_normals_are_the_sums_of_the_faces_about_a_corner(
+def test_corner_normals_are_the_sums_of_the_faces_around_a_corner(
     seed: int, crease: float, hole: int, copies: int
 ) -> None:
-    """Sheets shaded together have, bit for bit, the normals that a plain loop over each sheet alone gives."""
+    """The normals of sheets computed together equal, bit for bit, those of a loop over each sheet alone."""
     rng = np.random.default_rng(seed)
     points = np.round(rng.integers(-3, 4, (3, 4, 3)) * 0.25, 6)
     surface = Surface("a", Pattern.PLAIN, 1)
@@ -248,7 +248,7 @@ def _shaded_by_a_loop(points: NDArray[np.float64], crease: float, hole: int) -> 
 
 
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=40), st.booleans())
-def test_equal_vertices_are_found_whatever_their_hashes(kinds: list[int], collide: bool) -> None:
+def test_equal_vertices_are_found_also_when_hashes_collide(kinds: list[int], collide: bool) -> None:
     rows = np.array([[kind, 1, 2, 3, 4, 5, 6, kind % 2] for kind in kinds], np.float32)
     mix = builder_module._MIX
     with mock.patch.object(builder_module, "_MIX", mix * np.uint64(0) if collide else mix):
@@ -259,9 +259,9 @@ def test_equal_vertices_are_found_whatever_their_hashes(kinds: list[int], collid
 
 
 @given(st.integers(0, 2**40), st.lists(st.integers(0, 2**40), min_size=1))
-def test_many_noises_are_those_of_one(key: int, indices: list[int]) -> None:
+def test_the_array_noise_equals_the_scalar_noise(key: int, indices: list[int]) -> None:
     assert noises(key, np.array(indices)).tolist() == [noise(key, index) for index in indices]
 
 
-def test_noise_is_pinned() -> None:
+def test_noise_has_its_recorded_values() -> None:
     assert [round(noise(1, k), 6) for k in range(3)] == [-0.275207, -0.281435, -0.405701]

@@ -1,4 +1,4 @@
-"""Props, from a recipe to frames: where they are, what they stop, and what is said when their files are not there."""
+"""Props, from the recipe to frames: their poses, their collisions, and the errors when their files are missing."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def quiet(stage: str, done: int, total: int) -> None:
 
 
 def rotation(pose: Pose) -> NDArray[np.float64]:
-    """The pose's turn by another's matrices: about fixed axes, roll, then pitch, then yaw."""
+    """Return a pose's rotation by independent matrices: roll, pitch and yaw about fixed axes, in this order."""
     roll, pitch, yaw = np.radians([pose.roll, pose.pitch, pose.yaw])
     turned: NDArray[np.float64] = trimesh.transformations.euler_matrix(roll, pitch, yaw, "sxyz")[:3, :3]
     return turned
 
 
-def test_a_mesh_is_where_the_plan_says() -> None:
+def test_a_mesh_is_at_the_pose_of_the_plan() -> None:
     compiled = compile_recipe(GOOD)
     scene = compiled.plan.variants[0].scene
     (prop,) = (p for p in scene.props if p.name == "prop.part")
@@ -72,7 +72,7 @@ def test_a_board_faces_its_yaw_with_its_image_upright() -> None:
     face = mesh.triangles[mesh.surface == [s.slot for s in mesh.surfaces].index("face")]
     assert np.allclose(mesh.normals[face.reshape(-1)], [0, 1, 0], atol=1e-6)
     corner = {tuple(mesh.uvs[v].tolist()): mesh.vertices[v] for v in face.reshape(-1)}
-    assert np.allclose(corner[0.0, 0.0], [3.0, 2.01, 4.0], atol=1e-6)  # its top left, for who stands before it
+    assert np.allclose(corner[0.0, 0.0], [3.0, 2.01, 4.0], atol=1e-6)  # its top left, seen from the front
     assert np.allclose(corner[1.0, 1.0], [-1.0, 2.01, 3.0], atol=1e-6)
     edges = mesh.vertices[mesh.triangles]
     outwards = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
@@ -81,7 +81,7 @@ def test_a_board_faces_its_yaw_with_its_image_upright() -> None:
 
 
 @pytest.mark.slow
-def test_nobody_walks_through_a_prop() -> None:
+def test_a_pedestrian_does_not_walk_through_a_prop() -> None:
     low, high = (-0.5, -0.5, 0.0), (0.5, 0.5, 1.0)
     crate = PropPlan(name="prop.c", mesh=None, pose=Pose(x=-4.0, y=0.0, z=0.15), tag=20, low=low, high=high)
     ends = {}
@@ -96,7 +96,7 @@ def test_nobody_walks_through_a_prop() -> None:
 
 
 def _engines(assets: Assets) -> Engines:
-    """The light engines, with the folder of the assets."""
+    """Return the fake engines with a folder of assets."""
     plain = fakes.ENGINES
     return Engines(plain.simulate, plain.actors, plain.renderer, assets)
 
@@ -109,7 +109,7 @@ def _plan(tmp_path: Path) -> tuple[Compiled, DatasetPlan]:
     return compiled, plan.model_copy(update={"variants": variants})
 
 
-def test_a_dataset_without_its_assets_is_inconclusive_and_says_why(tmp_path: Path) -> None:
+def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
     known = _engines(Assets(compiled.places))
     build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=known)
@@ -122,7 +122,7 @@ def test_a_dataset_without_its_assets_is_inconclusive_and_says_why(tmp_path: Pat
     assert "sha256:" in str(difference) and "is not available; name the recipe" in str(difference)
 
 
-def test_a_dataset_names_its_assets(tmp_path: Path) -> None:
+def test_a_dataset_lists_its_assets(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
     build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))
     reported = json.dumps([json.loads(p.read_text()) for p in sorted((tmp_path / "set/plans").glob("*.json"))])
@@ -130,7 +130,7 @@ def test_a_dataset_names_its_assets(tmp_path: Path) -> None:
     assert str(GOOD.parent) not in reported
 
 
-def test_bytes_that_changed_are_not_used(tmp_path: Path) -> None:
+def test_a_changed_asset_file_is_not_used(tmp_path: Path) -> None:
     compiled = compile_recipe(GOOD)
     prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
     assert prop.mesh is not None
@@ -146,12 +146,12 @@ def test_bytes_that_changed_are_not_used(tmp_path: Path) -> None:
         prop_body(prop, Assets())
 
 
-def test_workers_know_where_assets_lie() -> None:
+def test_workers_get_the_folder_of_the_assets() -> None:
     engines = real_engines(Assets(compile_recipe(GOOD).places))
     assert pickle.loads(pickle.dumps(engines)).assets == engines.assets
 
 
-def test_a_pack_brings_them_along(tmp_path: Path) -> None:
+def test_a_bundle_contains_the_assets(tmp_path: Path) -> None:
     compiled = compile_recipe(GOOD)
     pack = Pack(GOOD.name, {path: (GOOD.parent / path).read_bytes() for path in compiled.files})
     (tmp_path / "assets.recipe").write_bytes(pack.dumps())
@@ -190,7 +190,7 @@ def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str, tmp_p
 
 
 @pytest.mark.parametrize("sha256", ["../../etc/passwd", "0" * 63, "Z" * 64])
-def test_an_untrusted_plan_names_files_by_digest_alone(sha256: str, tmp_path: Path) -> None:
+def test_an_untrusted_plan_can_name_files_only_by_digest(sha256: str, tmp_path: Path) -> None:
     _, plan = _plan(tmp_path)
     variant = plan.variants[0].model_dump(mode="json")
     variant["scene"]["props"][1]["mesh"]["sha256"] = sha256
@@ -206,8 +206,8 @@ print(hashlib.sha256(street.render(1).tobytes()).hexdigest())
 
 
 @pytest.mark.slow
-def test_a_frame_has_the_same_bytes_in_any_process_and_shows_its_props() -> None:
-    """In this process, and in another one with another hash seed and without FMA."""
+def test_a_frame_with_props_has_the_same_bytes_in_any_process() -> None:
+    """In this process, and in one with another hash seed and without FMA."""
     import hashlib
 
     street = recipe_runtime.open(GOOD, variant="poster=on_mesh,wedge=there")
@@ -221,8 +221,8 @@ def test_a_frame_has_the_same_bytes_in_any_process_and_shows_its_props() -> None
 
 
 @pytest.mark.slow
-def test_labels_know_the_shipped_props_and_no_image_changes_them() -> None:
-    """The board is 9.99 m in front of a camera of 60 degrees; the pinhole formula gives its middle."""
+def test_labels_include_shipped_props_and_do_not_depend_on_images() -> None:
+    """The board is 9.99 m in front of a camera of 60 degrees; the pinhole formula gives its centre."""
     street = recipe_runtime.open(SHIPPED, variant="weather=noon,poster=sunset")
     labels = {modality: street.render(0, modality=modality) for modality in ("depth", "instance", "semantic")}
     focal = 320.0 * 3.0**0.5

@@ -1,4 +1,4 @@
-"""Whatever shape `plan_bounds` allows has a mesh, of no more triangles than its table says."""
+"""Every shape that `plan_bounds` allows has a mesh with at most the number of triangles in its table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Surfaces that can carry a patch lie where the meshes are: the compiler knows them without building a mesh."""
+"""The compiler's surfaces for patches, which it computes without meshes, lie on the meshes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from recipe_runtime.meshes.mesh import Body, Mesh
 from recipe_runtime.meshes.props import prop_body
 from recipe_runtime.meshes.town import _body
 
-LEAST = {"sign": 0.6, "fence": 0.8}  # a sign's rectangle is the one about its plate, and a fence has posts
+LEAST = {"sign": 0.6, "fence": 0.8}  # a sign's rectangle encloses its plate, and a fence has posts
 Array = NDArray[np.float64]
 
 
 @lru_cache(maxsize=1)
 def elements() -> dict[str, Element]:
-    """An element of each kind that has surfaces, from the towns."""
+    """Return an element of each kind that has surfaces, from the towns."""
     found: dict[str, Element] = {}
     for name in towns.NAMES:
         for element in towns.build(name, 0, {}).plan.elements:
@@ -33,7 +33,7 @@ def elements() -> dict[str, Element]:
 
 
 def covered(mesh: Mesh, surface: FlatSurface, slots: tuple[str, ...] = ()) -> float:
-    """The share of a surface's points, 9 x 9, at which the mesh has a triangle that can show a patch."""
+    """Return the fraction of a 9 x 9 grid on a surface at which the mesh has a triangle that can show a patch."""
     normal = np.cross(surface.down, surface.right)
     corners = mesh.vertices.astype(float)[mesh.triangles]
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -49,7 +49,7 @@ def covered(mesh: Mesh, surface: FlatSurface, slots: tuple[str, ...] = ()) -> fl
 
 
 def _inside(flat: Array, u: float, v: float) -> bool:
-    """Whether a point is within a triangle, [2, T, 3]."""
+    """Return whether a point is within each triangle [2, T, 3]."""
     (x, y), sides = flat, []
     for a, b in ((0, 1), (1, 2), (2, 0)):
         sides.append((x[:, b] - x[:, a]) * (v - y[:, a]) - (y[:, b] - y[:, a]) * (u - x[:, a]))
@@ -79,7 +79,7 @@ def test_a_boards_surfaces_are_its_sides_and_its_patch_fills_it() -> None:
     corners = mesh.vertices[mesh.triangles[mesh.surface == 0]].reshape(-1, 3)
     uvs = mesh.uvs[mesh.triangles[mesh.surface == 0]].reshape(-1, 2)
     for corner, uv in zip(face.corners, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
-        there = corners[(uvs == uv).all(axis=1)]  # as an image on the board has it
+        there = corners[(uvs == uv).all(axis=1)]  # as for an image on the board
         np.testing.assert_allclose(there, np.broadcast_to(corner, there.shape), atol=2e-6)
 
 
@@ -89,7 +89,7 @@ def bodies() -> Iterator[tuple[blueprints.Blueprint, Body]]:
 
 
 def test_every_painted_triangle_lies_within_an_island() -> None:
-    """Of all blueprints: no two sides of one part show the same texels, and nothing lies beyond the map but mirrors."""
+    """For all blueprints: no two sides of a part share texels, and only mirrors lie outside the map."""
     for blueprint, body in bodies():
         whole = [s for s in surfaces.actor_surfaces(blueprints.specimen(blueprint)[0]) if isinstance(s, WholeSurface)]
         assert whole
