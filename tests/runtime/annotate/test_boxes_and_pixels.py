@@ -1,4 +1,4 @@
-"""3-D boxes and calibration agree with the pixels: kwcoco.json and the pictures are all that a reader needs."""
+"""3-D boxes and calibration of kwcoco.json agree with the pictures, without any other file."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ VIEWS = {  # distance of the two cameras, height, field of view
     "runner": (1.7, 2.2, 75),
 }
 CARS = ("driving", "parked")
-OUTSIDE = 0.004  # metres: a third of a pixel, by which a bent picture is resampled
+OUTSIDE = 0.004  # metres: 1/3 pixel, the error of resampling a distorted picture
 SPARE = {"driving": 0.02, "parked": 0.02, "bike": 0.05, "walker": 0.05, "runner": 0.05}  # metres
 
 
@@ -86,7 +86,7 @@ class Picture:
         return self.folder / str(name)
 
     def pinhole(self, pixels: Floats) -> Floats:
-        """The pixel coordinates at which a pinhole camera shows what the lens shows at `pixels` [N, 2]."""
+        """Return the undistorted pixel coordinates of distorted ones [N, 2]."""
         k, lens = np.array(self.row["calibration"]["K"]), self.row["calibration"]["distortion"]
         centre, half = k[:2, 2], self.row["width"] / 2.0
         offset = (pixels - centre) / half
@@ -95,7 +95,7 @@ class Picture:
         return undistorted
 
     def points(self, actor: str) -> tuple[Floats, Floats]:
-        """The visible pixels of an actor, as a pinhole shows them [N, 2], and as points of the world [N, 3]."""
+        """Return an actor's visible pixels: undistorted coordinates [N, 2] and world points [N, 3]."""
         ys, xs = np.nonzero(self.instance == self.annotations[actor]["instance"])
         pixels = self.pinhole(np.stack([xs + 0.5, ys + 0.5], axis=1))
         k, depth = np.array(self.row["calibration"]["K"]), self.depth[ys, xs][:, None]
@@ -104,7 +104,7 @@ class Picture:
         return pixels, (rays * depth) @ pose[:3, :3].T + pose[:3, 3]
 
     def project(self, points: Floats) -> Floats:
-        """The pixel coordinates of points of the world [N, 3], in a pinhole camera."""
+        """Return the undistorted pixel coordinates of world points [N, 3]."""
         pose, k = np.array(self.row["calibration"]["world_to_camera"]), np.array(self.row["calibration"]["K"])
         seen = points @ pose[:3, :3].T + pose[:3, 3]
         assert (seen[:, 2] > 0.0).all()
@@ -143,7 +143,7 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Picture]:
 
 
 def of(pictures: list[Picture], actor: str, frame: int = 1) -> list[Picture]:
-    """The two pictures of an actor at a frame."""
+    """Return the two pictures of an actor at a frame."""
     found = [p for p in pictures if p.row["frame_index"] == frame and f"/{actor}_" in p.row["name"]]
     assert len(found) == 2
     return found
@@ -168,7 +168,7 @@ def test_pixels_lie_in_the_box_and_reach_its_sides(pictures: list[Picture], acto
 
 @pytest.mark.parametrize("actor", SPARE)
 def test_boxes_hold_the_mask_in_the_picture(pictures: list[Picture], actor: str) -> None:
-    """Every visible pixel of an unbent picture lies in the projected tight box, and the amodal mask in its bounds."""
+    """Visible pixels of an undistorted picture lie in the projected tight box, the amodal mask within its bounds."""
     for frame in (0, 1):
         front = of(pictures, actor, frame)[0]
         label = front.annotations[actor]
@@ -183,18 +183,18 @@ def test_boxes_hold_the_mask_in_the_picture(pictures: list[Picture], actor: str)
 
 
 def outside(outline: Floats, pixels: Floats) -> float:
-    """The largest distance by which points lie outside the convex hull of others, in pixels."""
+    """Return the largest distance of points from the convex hull of others, in pixels."""
     worst = -np.inf
     for first, second in permutations(range(len(outline)), 2):
         along = outline[second] - outline[first]
         normal = np.array([along[1], -along[0]]) / np.hypot(*along)
-        if ((outline - outline[first]) @ normal < 1e-9).all():  # an edge of the hull, from which the normal leads away
+        if ((outline - outline[first]) @ normal < 1e-9).all():  # the outward normal of an edge of the hull
             worst = max(worst, float(((pixels - outline[first]) @ normal).max()))
     return worst
 
 
 def test_a_blueprint_has_one_body_box_on_the_ground(pictures: list[Picture]) -> None:
-    """The box of the driving sedan was 1.60 m high and 13 cm in the road, that of the parked one 1.47 m."""
+    """Regression: the box of a driving sedan was 1.60 m high and 13 cm in the road, that of a parked one 1.47 m."""
     driving, parked = (of(pictures, actor)[0].annotations[actor]["box3d_world"] for actor in ("driving", "parked"))
     assert driving["size"] == parked["size"]
     for actor in SPARE:
@@ -208,7 +208,7 @@ def test_a_blueprint_has_one_body_box_on_the_ground(pictures: list[Picture]) -> 
 
 
 def test_frames_of_reference_agree(pictures: list[Picture]) -> None:
-    """A box in the sensor's frame (x forward, y left, z up) is the box of the world, by the picture's calibration."""
+    """The calibration transforms the box of the sensor's frame (x forward, y left, z up) to the world's box."""
     optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # sensor from camera
     for picture in pictures:
         pose = np.array(picture.row["calibration"]["world_to_camera"])

@@ -1,4 +1,4 @@
-"""The annotation files are read by those whose formats they are, and their own check finds what those miss."""
+"""Annotation files are read by the formats' own libraries, and the project's check detects what these accept."""
 
 import json
 import re
@@ -42,7 +42,7 @@ def test_kwcoco_accepts_it_without_a_warning(dataset: Path) -> None:
 def test_a_track_is_one_actor_in_every_video_and_file(dataset: Path) -> None:
     data = json.loads((dataset / "annotations/kwcoco.json").read_text())
     tracks = {row["id"]: row for row in data["tracks"]}
-    assert len(tracks) == 4 * 3  # of each actor one in every variant
+    assert len(tracks) == 4 * 3  # one per actor and variant
     flat = json.loads((dataset / "annotations/coco/rgb.json").read_text())
     videos = {row["id"]: row for row in data["videos"]}
     images = {row["id"]: videos[row["video_id"]] for row in data["images"]}
@@ -55,14 +55,14 @@ def test_a_track_is_one_actor_in_every_video_and_file(dataset: Path) -> None:
             row["instance"],
         )
         seen.setdefault(row["track_id"], set()).add(video["sensor"])
-    assert list(seen.values()).count({"street", "side"}) >= 4  # one track in both sensors
+    assert list(seen.values()).count({"street", "side"}) >= 4  # both sensors share a track
     assert [row["id"] for row in data["annotations"]] == [row["id"] for row in flat["annotations"]]
     assert len({row["scene"] for row in videos.values()}) == 1
 
 
 @pytest.mark.slow
-def test_ids_stay_when_a_dataset_is_extended(dataset: Path, tmp_path: Path) -> None:
-    """Ids were counted: another frame or variant before an image gave it another id."""
+def test_ids_do_not_change_when_a_dataset_is_extended(dataset: Path, tmp_path: Path) -> None:
+    """Regression: IDs were counters, so that an additional frame or variant changed those of later images."""
     longer = build(dataset_plan(13, 3), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
     for file in ("annotations/kwcoco.json", "annotations/coco/rgb.json"):
         data, more = (json.loads((root / file).read_text()) for root in (dataset, longer))
@@ -96,10 +96,10 @@ def test_pycocotools_reads_masks_that_are_the_instance_pixels(
         assert np.array_equal(painted, instance)
 
 
-def test_mots_text_and_pictures_say_the_same(dataset: Path) -> None:
+def test_mots_text_and_pictures_agree(dataset: Path) -> None:
     names = (dataset / "mots/seqmaps/MOTS-train.txt").read_text().split()
     assert names[0] == "name" and len(names) == 9
-    assert names[1] == "weather=w0_jitter=still+street"  # TrackEval takes a comma for the end of a name
+    assert names[1] == "weather=w0_jitter=still+street"  # a comma ends a name in TrackEval
     for name in names[1:]:
         painted = np.zeros((12, 48, 64), np.int64)
         for line in (dataset / f"mots/MOTS-train/{name}/gt/gt.txt").read_text().splitlines():
@@ -112,13 +112,13 @@ def test_mots_text_and_pictures_say_the_same(dataset: Path) -> None:
         assert "seqLength=12\n" in (dataset / f"mots/MOTS-train/{name}/seqinfo.ini").read_text()
 
 
-def test_the_picture_folder_of_a_sequence_is_there(dataset: Path) -> None:
+def test_a_sequence_has_its_image_folder(dataset: Path) -> None:
     for info in dataset.glob("mots/MOTS-train/*/seqinfo.ini"):
         (place,) = (line[6:] for line in info.read_text().splitlines() if line.startswith("imDir="))
         assert len(list((info.parent / place).glob("*.png"))) == 12
 
 
-def test_tracks_are_the_trace(dataset: Path) -> None:
+def test_tracks_equal_the_trace(dataset: Path) -> None:
     lines = (dataset / "weather=w0,jitter=still/tracks.csv").read_text().splitlines()
     assert len(lines) == 1 + 12 * 3
     row = dict(zip(lines[0].split(","), lines[5].split(","), strict=True))
@@ -160,13 +160,13 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
 ]
 
 
-def test_the_check_passes_what_is_whole(dataset: Path) -> None:
+def test_the_check_accepts_a_valid_file(dataset: Path) -> None:
     assert problems(dataset / "annotations/kwcoco.json") == []
     assert problems(dataset / "annotations/coco/rgb.json", dataset) == []
 
 
 @pytest.mark.parametrize(("fault", "message"), FAULTS)
-def test_the_check_finds(dataset: Path, fault: Callable[[dict[str, Any]], None], message: str) -> None:
+def test_the_check_detects(dataset: Path, fault: Callable[[dict[str, Any]], None], message: str) -> None:
     data = json.loads((dataset / "annotations/kwcoco.json").read_text())
     fault(data)
     changed = dataset / "annotations" / "changed.json"
@@ -179,9 +179,9 @@ def test_the_check_finds(dataset: Path, fault: Callable[[dict[str, Any]], None],
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # kwcoco's about gdal
+@pytest.mark.filterwarnings("ignore")  # a warning of kwcoco about gdal
 @pytest.mark.parametrize("form", ["carla", "npy"])
-def test_kwcoco_loads_depth_whatever_its_form(form: str, tmp_path: Path) -> None:
+def test_kwcoco_loads_every_depth_format(form: str, tmp_path: Path) -> None:
     plan = dataset_plan(2, 1, depth=form, annotations=("kwcoco",))
     made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
     read = """
@@ -206,7 +206,7 @@ print(json.dumps(found))
 
 
 def test_a_perfect_detector_has_an_average_precision_of_1(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """COCOeval reads boxes, masks and ids above 2^32, of which it keeps tables of float64."""
+    """COCOeval reads boxes, masks and IDs above 2^32, which it stores as float64."""
     truth = COCO(dataset / "annotations/coco/rgb.json")
     keys = ("image_id", "category_id", "bbox", "segmentation")
     found = truth.loadRes([{**{k: row[k] for k in keys}, "score": 1.0} for row in truth.anns.values()])

@@ -1,4 +1,4 @@
-"""Annotations say what the pixels say, as pycocotools counts them, and what the geometry says."""
+"""Annotations agree with the pixels, as counted by pycocotools, and with the geometry."""
 
 import math
 from pathlib import Path
@@ -25,7 +25,7 @@ from tests.runtime.fakes import ENGINES, NO_LABELS, actor_bodies, dataset_plan, 
 
 
 def pictures() -> list[NDArray[np.uint16]]:
-    """Instance pictures with every kind of run: to the first and last pixel, across columns, in pieces, single."""
+    """Yield instance pictures with runs at the first and last pixel, across columns, in pieces and of one pixel."""
     empty = np.zeros((6, 5), np.uint16)
     whole = np.full((6, 5), 12001, np.uint16)
     corners = empty.copy()
@@ -33,7 +33,7 @@ def pictures() -> list[NDArray[np.uint16]]:
     column = empty.copy()
     column[:, 2:4] = 12003
     wrapped = empty.copy()
-    wrapped[4:, 1] = wrapped[:2, 2] = 15001  # one run over the foot of a column
+    wrapped[4:, 1] = wrapped[:2, 2] = 15001  # one run across the end of a column
     noise = (np.arange(48 * 64) * 2654435761 % 4 + 12000).astype(np.uint16).reshape(48, 64)
     noise[noise == 12000] = 0
     return [empty, whole, corners, column, wrapped, noise, noise[:, :1], noise[:1]]
@@ -58,14 +58,14 @@ def test_masks_decode_to_the_instance_pixels(picture: NDArray[np.uint16]) -> Non
 CAMERA = CameraPlan(width=100, height=100, fov=90)
 
 
-def test_truncation_is_the_share_outside() -> None:
+def test_truncation_is_the_fraction_outside_the_picture() -> None:
     assert truncation((10.0, 20.0, 30.0, 40.0), CAMERA) == 0.0
     assert truncation((-10.0, 20.0, 30.0, 40.0), CAMERA) == 0.25
     assert truncation((-100.0, -100.0, 200.0, 200.0), CAMERA) == fixed(8 / 9)
     assert truncation((100.0, 20.0, 130.0, 40.0), CAMERA) == 1.0
 
 
-def test_records_hold_the_scene(tmp_path: object) -> None:
+def test_records_describe_the_scene(tmp_path: object) -> None:
     plan = dataset_plan()
     source = FrameSource(plan.variants[0], simulate(plan.variants[0].scene), engines=ENGINES)
     arrays, labels = source.render_labelled("street", 3)
@@ -97,7 +97,7 @@ def test_records_have_the_fields_of_their_types() -> None:
 
 
 def test_a_journal_returns_the_records_written(tmp_path: Path) -> None:
-    """JSON has no tuples: file rows come back as what their type says, so that they compare equal."""
+    """JSON has no tuples: file rows are read as their declared type, so that they compare equal."""
     plan = dataset_plan()
     shard, journal = all_shards(plan)[0], FolderJournal(tmp_path, b"key")
     record: FrameRecord = {
@@ -110,7 +110,7 @@ def test_a_journal_returns_the_records_written(tmp_path: Path) -> None:
     assert journal.read(shard, views(plan)[shard.view]) == [record]
 
 
-def test_digests_part_where_pixels_and_labels_part() -> None:
+def test_digests_differ_where_pixels_or_labels_differ() -> None:
     plan = dataset_plan()
     one, other = (FrameSource(v, simulate(v.scene), engines=ENGINES) for v in plan.variants[::2])  # two weathers
     (a, labels), (b, same) = one.render_labelled("street", 3), other.render_labelled("street", 3)
@@ -121,7 +121,7 @@ def test_digests_part_where_pixels_and_labels_part() -> None:
 
 
 def turned(q: list[float]) -> NDArray[np.float64]:
-    """The rotation matrix of a unit quaternion w, x, y, z, as textbooks have it."""
+    """Return the rotation matrix of a unit quaternion (w, x, y, z) by the textbook formula."""
     w, x, y, z = q
     return np.array(
         [
@@ -133,8 +133,8 @@ def turned(q: list[float]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("angles", [(0, 30, 0), (0, 0, 25), (40, -35, 15), (170, 20, -170)])
-def test_boxes_hold_their_actors_whatever_way_the_sensor_looks(angles: tuple[float, float, float]) -> None:
-    """Every vertex of an actor, in the box's own axes, is within half the box's size."""
+def test_boxes_enclose_their_actors_in_any_sensor_orientation(angles: tuple[float, float, float]) -> None:
+    """Along the box's axes, every vertex of an actor is within half the box's size of its centre."""
     yaw, pitch, roll = angles
     variant = dataset_plan().variants[0]
     pose = Pose(x=0.5, z=1.5, yaw=yaw, pitch=pitch, roll=roll)
@@ -154,7 +154,7 @@ def test_boxes_hold_their_actors_whatever_way_the_sensor_looks(angles: tuple[flo
 
 
 @given(st.tuples(*[st.floats(-360, 360)] * 3))
-def test_quaternions_are_their_matrices(angles: tuple[float, float, float]) -> None:
+def test_quaternions_equal_their_matrices(angles: tuple[float, float, float]) -> None:
     yaw, pitch, roll = angles
     matrix = from_pose(Pose(yaw=yaw, pitch=pitch, roll=roll))
     q = quaternion(matrix)

@@ -1,4 +1,4 @@
-"""Other textures on patches that are inserted into the picture: a build's bytes; for `digital`, the gradient."""
+"""Other textures on inserted patches have the bytes of a build, and those of mode `digital` a gradient."""
 
 from __future__ import annotations
 
@@ -84,7 +84,9 @@ def test_the_map_of_a_digital_patch_has_the_builds_values(folder: Path, patch: s
         np.testing.assert_array_equal(view.render(texture), expected)
         assert np.abs(view.forward(texture) * 255.0 - expected).max() <= 0.5 + 1e-9
         apart = np.abs(view.rounded(texture).astype(int) - expected)
-        assert apart.max() <= 1 and apart.sum() <= 0.001 * 3 * len(view.pixels), "but for halves, which may round down"
+        assert apart.max() <= 1 and apart.sum() <= 0.001 * 3 * len(view.pixels), (
+            "except for values at .5, which may round down"
+        )
 
 
 def test_the_gradient_of_a_digital_patch_is_its_transpose(folder: Path) -> None:

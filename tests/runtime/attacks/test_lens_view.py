@@ -1,4 +1,4 @@
-"""The gradient through motion blur, bloom, distortion, chromatic aberration and supersampling is the renderer's."""
+"""The gradient through motion blur, bloom, distortion, chromatic aberration and supersampling fits the renderer."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def view_of(lens: str, weather: str = "noon", scene: Scene | None = None) -> Pat
 @pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize("weather", ["noon", "rainy", "night"])
 def test_the_map_has_the_renderers_bytes(lens: str, weather: str) -> None:
-    """Rounded where the renderer rounds: fewer than one in a thousand bytes differ, by a level."""
+    """With the renderer's rounding, fewer than one in a thousand bytes differ, by one level."""
     scene = scene_of(OWN, OTHER)
     view = view_of(lens, weather, scene)
     other = seen_by(scene, plan_of(OTHER, weather), lens).render({})
@@ -78,7 +78,7 @@ def test_finite_differences_agree(lens: str) -> None:
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_finite_differences_of_the_renderer_agree(lens: str) -> None:
-    """Whole levels of one half and one channel, weighted by places in the picture: what the bytes do on the average."""
+    """Steps of entire levels in half of the texture and one channel agree with the mean change of the bytes."""
     view = view_of(lens)
     y = np.broadcast_to(np.linspace(0.5, 1.5, CAMERA.width)[:, None], view.picture.shape)
     for half, channel in ((slice(0, 16), 0), (slice(16, 32), 1), (slice(0, 32), 2)):
@@ -91,8 +91,8 @@ def test_finite_differences_of_the_renderer_agree(lens: str) -> None:
 
 
 @pytest.mark.parametrize("lens", ["supersampled", "all"])
-def test_a_texel_that_no_pixel_sees_has_no_gradient(lens: str) -> None:
-    """A sticker hides a corner of the poster: it gets none, and no change of it shows."""
+def test_a_texel_that_no_pixel_shows_has_no_gradient(lens: str) -> None:
+    """A sticker hides a corner of the poster, whose gradient is 0 and whose changes have no effect."""
     over = FACE.model_copy(update={"corner": (5.0, 4.0, 3.2), "width": 1.2, "height": 0.9})
     sticker = patch(of_colour("#808080"), faces=(over,), name="sticker")
     plan = with_patches(WEATHERS["noon"], patch(PatchTexture(image=file_of(OWN))), sticker)
@@ -106,7 +106,7 @@ def test_a_texel_that_no_pixel_sees_has_no_gradient(lens: str) -> None:
 
 
 def test_gradients_are_bytes() -> None:
-    """Two renderers give the same; so does one that has rendered other frames."""
+    """Two renderers agree, also if one has rendered other frames before."""
     scene = scene_of(OWN, OTHER)
     views = [view_of("all", "rainy", scene), view_of("all", "rainy", scene), view_of("all", "rainy")]
     y = np.random.default_rng(2).normal(size=views[0].picture.shape)
@@ -125,13 +125,13 @@ def test_a_frame_that_does_not_show_the_patch_has_no_gradient() -> None:
 
 
 def test_bloom_and_blur_reach_pixels_that_do_not_show_the_patch() -> None:
-    """Without these rows the gradient would lack what the effects carry outside the patch."""
+    """Without these rows, the gradient would lack the light that the effects spread beyond the patch."""
     plain, blooming, blurred = (len(view_of(lens).pixels) for lens in ("supersampled", "blooming", "blurred"))
     assert blooming > 2 * plain and blurred > plain
 
 
 def test_a_scenario_gives_views_through_its_cameras_lens(tmp_path: Path) -> None:
-    """Also of a camera that the recipe has given motion blur: the view knows the frame's neighbour."""
+    """This includes motion blur, for which the view uses the neighbouring frame."""
     (tmp_path / "first.png").write_bytes(png(FIRST))
     text = RECIPE.format(image="first.png").replace(
         "fov: 70}", "fov: 70, lens_k: 0.1, supersample: 2, motion_blur_intensity: 4, bloom_intensity: 1}"

@@ -1,4 +1,4 @@
-"""Frames with other textures have the bytes of a recipe with these textures; their gradient is the renderer's."""
+"""Frames with other textures equal those of a recipe with these textures; the gradient fits the renderer."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_finite_differences_of_the_renderer_agree(weather: str) -> None:
     assert slope * 20 == pytest.approx(measured, rel=0.03)
 
 
-def test_a_texel_that_no_pixel_sees_has_no_gradient() -> None:
+def test_a_texel_that_no_pixel_shows_has_no_gradient() -> None:
     """The sticker hides a corner of the poster, whose gradient is 0 and whose changes have no effect."""
     over = FACE.model_copy(update={"corner": (5.0, 4.0, 3.2), "width": 1.2, "height": 0.9})
     plan = with_patches(
@@ -187,7 +187,7 @@ def test_gradients_are_bytes() -> None:
     assert len({view.backward(OTHER, y).tobytes() for view in views}) == 1
 
 
-def test_wet_ground_that_mirrors_the_patch_has_rows_of_its_own() -> None:
+def test_wet_ground_that_reflects_the_patch_has_rows() -> None:
     view = view_of("rainy")
     ground = np.ones(view.picture.shape)
     seen = scene_of(OWN).see()

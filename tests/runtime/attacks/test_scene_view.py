@@ -71,7 +71,7 @@ def test_the_gradient_is_that_of_the_views(view: Any, recipe: Path) -> None:
 
 @pytest.mark.parametrize("quantise", [True, False])
 def test_values_outside_0_to_1_are_clipped_and_have_no_gradient(recipe: Path, quantise: bool) -> None:
-    """Attacks step beyond the range; views of patches refuse it."""
+    """Attacks step outside the range, which patch views refuse."""
     from recipe_runtime.torch import SceneView
 
     view = SceneView(recipe, "poster", PLACES[:1], quantise=quantise)
@@ -115,8 +115,8 @@ def test_pictures_and_gradients_have_equal_bytes_with_any_number_of_threads(reci
     assert found == expected
 
 
-def test_kept_views_are_bounded_by_their_memory(recipe: Path) -> None:
-    """And pictures stay the same when views are made again."""
+def test_the_memory_of_cached_views_is_bounded(recipe: Path) -> None:
+    """Pictures are the same when evicted views are created again."""
     from recipe_runtime.torch import SceneView
 
     texture = texture_of(SECOND)
@@ -127,7 +127,7 @@ def test_kept_views_are_bounded_by_their_memory(recipe: Path) -> None:
 
 
 def test_frames_through_a_lens_and_of_inserted_patches(recipe: Path) -> None:
-    """Quantised pictures are the frames' bytes there too, and one gradient sums both ways into the picture."""
+    """Quantised pictures are the frames' bytes there too, and one gradient includes rendered and inserted patches."""
     from recipe_runtime.torch import SceneView
 
     path, digital = recipe.with_name("lens.yaml"), "weather=rainy,insertion=digital"
@@ -143,7 +143,7 @@ def test_frames_through_a_lens_and_of_inserted_patches(recipe: Path) -> None:
     assert first.abs().max() > 0.01 and second.abs().max() > 0.01 and torch.allclose(first + second, both, atol=1e-4)
 
 
-def test_torchs_check_of_gradients(recipe: Path) -> None:
+def test_gradcheck_of_torch_passes(recipe: Path) -> None:
     from recipe_runtime.torch import SceneView
 
     smooth = SceneView(recipe, "poster", [(RENDERED, 0)], quantise=False)
@@ -155,7 +155,7 @@ def test_torchs_check_of_gradients(recipe: Path) -> None:
     assert torch.autograd.gradcheck(means, texture, atol=1e-5)
 
 
-def test_descent_reaches_a_goal(view: Any) -> None:
+def test_gradient_descent_converges(view: Any) -> None:
     """Gradient descent recovers a texture that produces the same picture as another texture."""
     goal = view.pictures(texture_of(SECOND), batch=1).detach()
     texture = torch.full((1, 3, 7, 9), 0.5, requires_grad=True)
@@ -169,7 +169,7 @@ def test_descent_reaches_a_goal(view: Any) -> None:
     assert losses[-1] < 0.3 * losses[0]
 
 
-def test_names_that_are_not_there_are_refused(recipe: Path) -> None:
+def test_unknown_names_are_refused(recipe: Path) -> None:
     from recipe_runtime.torch import SceneView
 
     with pytest.raises(InputError, match="no variant 'weather=snow'"):

@@ -88,7 +88,7 @@ def test_a_patch_view_renders_the_same(scene: Scenario) -> None:
 def test_a_stream_gives_the_pictures_and_the_truth_of_single_frames(
     scene: Scenario, captured: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also where no picture is wanted: a stream's observation has no visibility from which to find the patches."""
+    """Also without pictures: a stream's observation has no visibility buffer from which to find the patches."""
     source, sensor, appearance = (
         scene._scenes.source(scene.plan.scene),
         scene.plan.rig.sensors[0],
@@ -105,7 +105,7 @@ def test_a_stream_gives_the_pictures_and_the_truth_of_single_frames(
     assert source._stream[1] is not None, "it was a stream"
 
 
-def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: Scenario) -> None:
+def test_invalid_textures_are_refused(recipes: tuple[Path, Path], scene: Scenario) -> None:
     image = np.zeros((4, 4, 3), np.uint8)
     with pytest.raises(InputError, match="no patch 'sticker'; it has poster, paint"):
         scene.render(0, textures={"sticker": image})
@@ -129,7 +129,7 @@ def test_what_cannot_be_rendered_is_refused(recipes: tuple[Path, Path], scene: S
 
 @pytest.mark.parametrize("given", [np.full((9, 7, 3), 255.0), np.full((9, 7, 3), -0.01), np.full((9, 7, 3), 1.001)])
 def test_floats_outside_0_to_1_are_refused(scene: Scenario, given: Any) -> None:
-    """Floats from 0 to 255 gave a white patch without a word."""
+    """Regression: floats from 0 to 255 gave a white patch without an error."""
     view = scene.patch_view(0, "poster", size=(9, 7))
     calls: list[Callable[[], object]] = [
         lambda: scene.render(0, textures={"poster": given}),
@@ -144,7 +144,7 @@ def test_floats_outside_0_to_1_are_refused(scene: Scenario, given: Any) -> None:
 
 
 def test_a_view_rounds_floats_as_a_frame_does(scene: Scenario) -> None:
-    """`rounded` raised IndexError for what `forward` takes."""
+    """Regression: `rounded` raised IndexError for inputs that `forward` accepts."""
     view = scene.patch_view(1, "poster", size=(9, 7))
     floats = np.random.default_rng(3).random((9, 7, 3))
     expected = scene.render(1, textures={"poster": floats})
@@ -154,13 +154,13 @@ def test_a_view_rounds_floats_as_a_frame_does(scene: Scenario) -> None:
 
 
 @pytest.mark.parametrize("method", ["forward", "rounded"])
-def test_a_texture_of_another_size_is_refused_with_the_call_to_make(scene: Scenario, method: str) -> None:
+def test_a_texture_of_another_size_is_refused_with_the_right_call(scene: Scenario, method: str) -> None:
     with pytest.raises(InputError, match=r"the view is of textures of the shape \(9, 7, 3\)") as caught:
         getattr(scene.patch_view(0, "poster", size=(9, 7)), method)(np.zeros((5, 4, 3)))
     assert caught.value.problems[0].help == "make the view with patch_view(frame, 'poster', size=(5, 4))"
 
 
-def test_kept_frames_are_bounded_by_their_memory(scene: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_memory_of_cached_frames_is_bounded(scene: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     """A frame of 4096 x 4096 whose pixels all show a patch takes 5 GB."""
     frames = [scene._scenes.patched_frame(scene.plan, scene.plan.rig.sensors[0], frame) for frame in range(3)]
     assert all(frame.memory >= 96 * 64 * 3 for frame in frames)
@@ -172,7 +172,7 @@ def test_kept_frames_are_bounded_by_their_memory(scene: Scenario, monkeypatch: p
 
 
 @pytest.mark.parametrize("given", [[[1], [1, 2]], np.full((9, 7, 3), np.nan), np.zeros((9, 7, 3), np.int32)], ids=str)
-def test_what_is_no_image_is_refused_by_a_view_too(scene: Scenario, given: Any) -> None:
+def test_a_view_refuses_arrays_that_are_no_image(scene: Scenario, given: Any) -> None:
     with pytest.raises(InputError, match="the texture of poster"):
         scene.patch_view(0, "poster", size=(9, 7)).forward(given)
 

@@ -51,7 +51,7 @@ def pinhole(camera: CameraPlan, pose: NDArray[np.float64], point: tuple[float, .
     return np.array([camera.width / 2 + focal * x / z, camera.height / 2 + focal * y / z, z])
 
 
-def bent(camera: CameraPlan, x: float, y: float) -> tuple[float, float]:
+def distorted(camera: CameraPlan, x: float, y: float) -> tuple[float, float]:
     """Return the distorted position of a point, by bisection on the lens formula."""
     half = camera.width / 2
     dx, dy = (x - half) / half, (y - camera.height / 2) / half
@@ -79,7 +79,7 @@ def test_corners_are_those_of_an_independent_projection(
         assert (a, b, c) == pytest.approx((x0, y0, depth), abs=1e-6)
         found = projection.distort(camera, a, b)
         if 0 < found[0] < camera.width and 0 < found[1] < camera.height:
-            assert found == pytest.approx(bent(camera, x0, y0), abs=0.01)
+            assert found == pytest.approx(distorted(camera, x0, y0), abs=0.01)
     back = projection.inverse(h)
     np.testing.assert_allclose(back @ h, np.eye(3), atol=1e-9)
 
@@ -105,7 +105,7 @@ base:
       mount: {x: 1.5, y: -6, z: 1.6, yaw: 140}
       camera: {width: 160, height: 120, fov: 70}
       capture: [rgb, instance, depth]
-    bent:
+    distorted:
       mount: {x: 1.5, y: -6, z: 1.6, yaw: 140}
       camera: {width: 96, height: 72, fov: 80, lens_k: 0.2}
       capture: [depth]
@@ -188,7 +188,7 @@ def test_masks_are_where_colours_change(recipe: Path) -> None:
 
 def test_a_records_numbers_agree(recipe: Path) -> None:
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
-        for sensor, width, height in (("street", 160, 120), ("bent", 96, 72)):
+        for sensor, width, height in (("street", 160, 120), ("distorted", 96, 72)):
             for record in scene.patches(0, sensor)["patches"]:
                 corners, clipped, whole = record["corners"], record["corners_clipped"], record["corners_int"]
                 if corners is None:
@@ -203,7 +203,7 @@ def test_a_records_numbers_agree(recipe: Path) -> None:
                     np.testing.assert_allclose((points[:2] / points[2]).T, corners, atol=0.01)
 
 
-def test_what_is_seen_lies_within_the_corners_also_through_a_lens(recipe: Path) -> None:
+def test_visible_pixels_lie_within_the_corners_with_and_without_distortion(recipe: Path) -> None:
     """`covered_pixels` and the renderer agree on an unoccluded patch, except for pixel centres exactly on its edge."""
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
         for sensor in scene.plan.rig.sensors:
@@ -237,7 +237,9 @@ def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe
     text = recipe.read_text()
     plan, engines = opened(recipe)
     build(plan, out, engines=engines, cache=cache)
-    before = {name: (out / layout.patches_file("weather=clear", name, 2)).read_bytes() for name in ("street", "bent")}
+    before = {
+        name: (out / layout.patches_file("weather=clear", name, 2)).read_bytes() for name in ("street", "distorted")
+    }
     other = recipe.parent / "other.yaml"
     changed = '{clear: {}, red: {patches: {paint: {texture: {color: "#ff0000"}}}}}'
     other.write_text(text.replace("{clear: {}, rainy: {weather: HardRainNoon}}", changed))
@@ -272,7 +274,7 @@ def test_a_forged_plan_is_refused(recipe: Path, change: dict[str, Any], words: s
         check_bounds(plan.model_copy(update={"variants": (forged,)}))
 
 
-def test_the_mask_is_the_geometric_one_without_what_stands_before_it(recipe: Path) -> None:
+def test_the_mask_is_the_geometric_one_without_occluders(recipe: Path) -> None:
     """Return the mask computed from depth: a pixel shows the patch if its depth is that of the patch's plane."""
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
         sensor = scene.plan.rig.sensors[0]

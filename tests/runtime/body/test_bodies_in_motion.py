@@ -1,4 +1,4 @@
-"""Bodies in motion: wheels roll and steer as they drive, feet stay where they tread, riders sit, lean and pedal."""
+"""Moving bodies: wheels roll and steer with the motion, feet do not slide, riders sit, lean and pedal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BIKES = [b for b in blueprints.LIBRARY if b.attributes.get("number_of_wheels") =
 
 
 def turning(blueprint: str, way: str) -> ActorPlan:
-    """A vehicle that comes from the south to the middle junction and turns there."""
+    """Return a vehicle that comes from the south to the central junction and turns there."""
     found = blueprints.match(blueprint)[0]
     junction = (len(STREETS.xs) // 2, len(STREETS.ys) // 2)
     new = {"right": (1, 0), "left": (-1, 0)}[way]
@@ -48,7 +48,7 @@ def turning(blueprint: str, way: str) -> ActorPlan:
         start=Pose(x=through[0][0], y=through[0][1] - 12.0, yaw=90),
         route=tuple(Point(x=x, y=y) for x, y in [*through, end]),
         speed=found.default_speed,
-        obeys=False,  # it need not wait at a red light
+        obeys=False,  # no waiting at a red light
     )
 
 
@@ -72,9 +72,9 @@ def lowest(body: Body, poses: NDArray[np.float64]) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["right", "left"])
 @pytest.mark.parametrize("blueprint", ["vehicle.bus.city", "vehicle.truck.box", "vehicle.van.cargo"])
-def test_long_vehicles_keep_off_the_kerb(blueprint: str, way: str) -> None:
+def test_long_vehicles_do_not_touch_the_kerb(blueprint: str, way: str) -> None:
     actor, trace = turn(blueprint, way)
-    reach = 0.15  # from a hub to its tyre's outer side
+    reach = 0.15  # from a hub to the outer side of its tyre
     for frame in range(0, trace.frames, 2):
         for part in (p for p in trace.parts if "wheel" in p):
             pose = part_transforms(trace, frame)[trace.parts.index(part)]
@@ -91,7 +91,7 @@ def test_long_vehicles_keep_off_the_kerb(blueprint: str, way: str) -> None:
 @pytest.mark.parametrize(
     "blueprint", ["vehicle.sedan.a", "vehicle.bus.city", "vehicle.motorcycle.a", "vehicle.bicycle.a"]
 )
-def test_front_wheels_point_where_the_vehicle_turns(blueprint: str) -> None:
+def test_the_steer_angle_follows_from_the_curvature(blueprint: str) -> None:
     """Steer angle = atan(wheelbase * curvature), with the curvature taken from the Trace's own path."""
     actor, trace = turn(blueprint, "right")
     base, part = trace.base_part("it"), "fork" if "rider" in actor.shape else "wheel_front_left"
@@ -105,7 +105,7 @@ def test_front_wheels_point_where_the_vehicle_turns(blueprint: str) -> None:
         if along < 1.0:
             continue
         curvature = turning / along
-        axle = poses[row(trace, part)][:2, 1]  # a wheel's y does not roll
+        axle = poses[row(trace, part)][:2, 1]  # rolling does not turn a wheel's y axis
         ahead = np.array([axle[1], -axle[0]]) / np.hypot(*axle)
         steer = np.degrees(np.arcsin(forward[0] * ahead[1] - forward[1] * ahead[0]))
         expected = np.degrees(np.arctan2(actor.shape["wheelbase"] * curvature, 1.0 - half * curvature))
@@ -139,9 +139,11 @@ def test_two_wheelers_stay_upright_and_on_the_ground(blueprint: blueprints.Bluep
         poses = part_transforms(trace, frame)
         assert abs(lowest(body, poses)) < 0.01
         leans.append(-np.degrees(np.arcsin(poses[0][2, 1])))
-    assert -35.0 < min(leans) < -3.0  # to the right, into its bend
+    assert -35.0 < min(leans) < -3.0  # to the right, into the bend
     rest = riding.resting_lean(Bike.of(blueprint.shape), 1.0)
-    assert max(leans) == leans[0] == pytest.approx(rest, abs=0.01)  # and a little to the left, where a foot is down
+    assert (
+        max(leans) == leans[0] == pytest.approx(rest, abs=0.01)
+    )  # slightly to the left, where a foot is on the ground
 
 
 @pytest.mark.slow
@@ -153,7 +155,7 @@ def test_a_lean_balances_weight_and_centrifugal_force() -> None:
         lean = -np.degrees(np.arcsin(part_transforms(trace, frame)[0][2, 1]))
         force = np.degrees(np.arctan(speed * turning / 9.81))
         if abs(force) > 5.0:
-            assert lean == pytest.approx(force, abs=6.0)  # it takes a moment to lean over
+            assert lean == pytest.approx(force, abs=6.0)  # leaning takes time
             judged += 1
     assert judged > 3
 
@@ -161,7 +163,7 @@ def test_a_lean_balances_weight_and_centrifugal_force() -> None:
 def ride(
     bike: Bike, *, steer: float = 0.0, distance: float = 0.0, foot_weight: float = 0.0, turn: Quaternion = IDENTITY
 ) -> dict[str, PartPose]:
-    """The pose of every part of a two-wheeler and its rider, with the base at the origin; the steering in degrees."""
+    """Return the poses of all parts of a two-wheeler and its rider, its base at the origin; steering in degrees."""
     tangent = exact.sin_deg(steer) / exact.cos_deg(steer)
     poses = riding.Riders([bike]).pose([[(0.0, 0.0, 0.0, *turn, tangent, distance, foot_weight)]])
     return dict(zip(["chassis", *(joint.part for joint in bike.joints())], poses.of_first(), strict=True))
@@ -169,7 +171,7 @@ def ride(
 
 @pytest.mark.parametrize("blueprint", BIKES, ids=lambda b: b.id)
 @pytest.mark.parametrize("gone", [0.0, 0.6, 1.3, 2.9])
-def test_riders_hold_the_grips_and_tread_the_pedals(blueprint: blueprints.Blueprint, gone: float) -> None:
+def test_riders_hold_the_grips_and_the_pedals(blueprint: blueprints.Blueprint, gone: float) -> None:
     bike = Bike.of(blueprint.shape)
     steer = 8.0
     parts = ride(bike, steer=steer, distance=gone)
@@ -186,7 +188,7 @@ def test_riders_hold_the_grips_and_tread_the_pedals(blueprint: blueprints.Bluepr
 
 
 @pytest.mark.parametrize("blueprint", BIKES, ids=lambda b: b.id)
-def test_who_halts_puts_a_foot_down(blueprint: blueprints.Blueprint) -> None:
+def test_a_rider_who_stops_puts_a_foot_down(blueprint: blueprints.Blueprint) -> None:
     bike = Bike.of(blueprint.shape)
     lean = axis_rotation("x", -riding.resting_lean(bike, 1.0))
     poses = matrices(list(ride(bike, distance=0.4, foot_weight=1.0, turn=lean).values()))
@@ -211,7 +213,7 @@ def test_limbs_reach_their_targets_and_keep_their_length() -> None:
         assert np.abs(foot - target).max() < 1e-12
         along = sum(a * b for a, b in zip(knee, target, strict=True)) / sum(a * a for a in target)
         bent = [a - along * b for a, b in zip(knee, target, strict=True)]
-        assert bent[0] + 0.2 * bent[1] + 0.1 * bent[2] > 0.0  # towards the pole
+        assert bent[0] + 0.2 * bent[1] + 0.1 * bent[2] > 0.0  # towards the pole vector
         _, hinge, _, _ = compose(inverse(thigh), compose(thigh, shin))
         assert hinge > 0.0  # the lower bone folds backwards
 
@@ -221,8 +223,8 @@ def _number(rotations: Components4, number: int) -> Quaternion:
     return x, y, z, w
 
 
-def test_riders_are_posed_the_same_alone_and_together() -> None:
-    """Frames are computed many at once; the bits are those of one rider at one moment."""
+def test_poses_of_riders_do_not_depend_on_the_batch() -> None:
+    """The poses of many frames at once equal, bit for bit, those of one rider in one frame."""
     bikes = [bike for bike in map(Bike.of, (b.shape for b in BIKES)) if not bike.motor]
     moments = [
         [(*(1.0, 2.0, 0.1), *IDENTITY, 0.1 * t, 0.7 * t + n, 0.3 * n) for n in range(len(bikes))] for t in (0, 1, 2)
@@ -237,7 +239,7 @@ def test_riders_are_posed_the_same_alone_and_together() -> None:
 
 @cache
 def stroll() -> tuple[tuple[ActorPlan, ...], Trace]:
-    """An adult and two children walk along a sidewalk, from standing to standing."""
+    """Return a scene in which an adult and two children start, walk along a sidewalk and stop."""
     actors = []
     for n, number in enumerate(("0009", "0013", "0012")):
         found, x = blueprints.match(f"walker.pedestrian.{number}")[0], -4.2 - 1.1 * n
@@ -270,7 +272,7 @@ def test_feet_touch_the_ground_and_do_not_slide(n: int) -> None:
         assert abs(lowest(body, pose) - 0.15) < 0.005
     for side in ("left", "right"):
         foot = [pose[[name for name, _ in body.parts].index(f"foot_{side}")] for pose in poses]
-        pace = np.hypot(*(trace.linear[:, n, :2] / METRE).T)  # while starting and stopping a stride is not one length
+        pace = np.hypot(*(trace.linear[:, n, :2] / METRE).T)  # strides vary in length while starting and stopping
         flat = [abs(t[2, 0]) < 0.01 and v > 0.98 * actor.speed for t, v in zip(foot, pace, strict=True)]
         slides = [
             float(np.hypot(*(after[:2, 3] - before[:2, 3])))
@@ -278,4 +280,4 @@ def test_feet_touch_the_ground_and_do_not_slide(n: int) -> None:
             if a and b
         ]
         assert len(slides) > 10
-        assert max(slides) < 0.003  # a frame, in which the body goes 33 mm and more
+        assert max(slides) < 0.003  # per frame; the body moves at least 33 mm

@@ -1,4 +1,4 @@
-"""The elementary functions over arrays have the bits of the scalar ones."""
+"""The elementary functions over arrays equal the scalar ones bit for bit."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_arc_tangents(vectors: list[tuple[float, float]]) -> None:
         assert bits(angle) == bits(exact.atan2_deg(a, b))
 
 
-def test_they_are_sines() -> None:
+def test_sines_and_cosines_are_accurate() -> None:
     angles = np.array([0.37 * k for k in range(-2000, 2000)])
     sines, cosines = exact_arrays.sin_cos_deg(angles)
     assert sines == pytest.approx([math.sin(math.radians(a)) for a in angles], abs=1e-14)

@@ -1,4 +1,4 @@
-"""Standing, walking and running: feet stay where they are put, on kerbs too, and limbs move as people's do."""
+"""Standing, walking and running: feet do not slide, on kerbs too, and limbs move like those of people."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def slides(body: Body, moments: list[Moment]) -> float:
 
 @pytest.mark.parametrize("blueprint", [ADULT, CHILD], ids=lambda b: b.id)
 @pytest.mark.parametrize("name", SPEEDS)
-def test_feet_on_the_ground_stay_where_they_are(name: str, blueprint: blueprints.Blueprint) -> None:
-    """At any speed, and while it changes: no skating, no sole in the ground, nobody in the air but runners."""
+def test_feet_on_the_ground_do_not_slide(name: str, blueprint: blueprints.Blueprint) -> None:
+    """At any speed and while it changes: no sole below the ground, and only runners leave the ground."""
     body, moments = body_of(blueprint), walk(Figure.of(blueprint.shape), SPEEDS[name], 3.0)
     assert slides(body, moments) < 0.005
     lows = [min(float(points[:, 2].min()) for points in soles(body, moment)) for moment in moments]
@@ -77,22 +77,22 @@ def test_feet_on_the_ground_stay_where_they_are(name: str, blueprint: blueprints
 
 @pytest.mark.parametrize("name", SPEEDS)
 def test_motion_has_no_jumps(name: str) -> None:
-    """No part moves at over 12 m/s beside the body (a runner's swinging foot reaches 3 times the speed of the body)."""
+    """No part moves faster than 12 m/s relative to the body (a runner's swinging foot reaches 3 times its speed)."""
     parts = np.array([moment.parts[:, :, 3] for moment in walk(Figure.of(ADULT.shape), SPEEDS[name], 3.0)])
     steps = np.diff(parts - parts[:, :1] * [1.0, 1.0, 0.0], axis=0)
     assert np.sqrt((steps**2).sum(-1)).max() < 12.0 * TICK
     assert np.abs(np.diff(parts[:, 0, 2])).max() < 2.0 * TICK
 
 
-def test_who_stops_stands_with_both_feet_together() -> None:
+def test_a_person_who_stops_stands_with_both_feet_together() -> None:
     body, moments = body_of(ADULT), walk(Figure.of(ADULT.shape), SPEEDS["stop"], 4.0)
     assert all(foot.planted for foot in moments[-1].feet.feet)
     left, right = (points[:, 0].mean() for points in soles(body, moments[-1]))
     assert abs(left - right) < 0.1
-    assert np.array_equal(moments[-1].parts, moments[-15].parts)  # and does not move any more
+    assert np.array_equal(moments[-1].parts, moments[-15].parts)  # without further motion
 
 
-def test_who_turns_on_the_spot_steps() -> None:
+def test_turning_on_the_spot_takes_steps() -> None:
     body = body_of(ADULT)
     moments = walk(Figure.of(ADULT.shape), lambda t: 0.0, 3.5, turning=lambda t: 1.2 if t < 2.0 else 0.0)
     assert slides(body, moments) < 0.005
@@ -107,7 +107,7 @@ def test_who_turns_on_the_spot_steps() -> None:
 @pytest.mark.parametrize("blueprint", [ADULT, CHILD], ids=lambda b: b.id)
 @pytest.mark.parametrize("at", [1.0, 1.3])
 def test_feet_step_over_kerbs(at: float, blueprint: blueprints.Blueprint, speed: float) -> None:
-    """Up a kerb and down again: soles do not go into it, somebody bears the body, and it rises within a stride."""
+    """Up and down a kerb: soles do not enter it, a foot supports the body, and the body rises within a stride."""
     figure, body, ground = Figure.of(blueprint.shape), body_of(blueprint), kerb(at, at + 3.0)
     moments = walk(figure, lambda t: speed, 6.0 / speed, ground=ground)
     for moment in moments:
@@ -124,8 +124,8 @@ def test_feet_step_over_kerbs(at: float, blueprint: blueprints.Blueprint, speed:
 
 
 @pytest.mark.parametrize("blueprint", PEOPLE, ids=lambda b: b.id)
-def test_strides_are_those_of_people(blueprint: blueprints.Blueprint) -> None:
-    """Longer with speed, without a leap; walking has two feet on the ground at times, running none."""
+def test_stride_lengths_are_plausible(blueprint: blueprints.Blueprint) -> None:
+    """They grow continuously with speed; walking has phases with both feet on the ground, running phases with none."""
     gait = Gait(Figure.of(blueprint.shape))
     speeds = np.arange(0.1, 5.0, 0.02)
     strides = [gait.stride(float(v)) for v in speeds]
@@ -136,8 +136,8 @@ def test_strides_are_those_of_people(blueprint: blueprints.Blueprint) -> None:
     assert all(s.duty < 0.45 for v, s in zip(speeds, strides, strict=True) if v > 0.81 * gait.unit_speed)
 
 
-def test_cadences_are_those_measured() -> None:
-    """Steps a minute of grown-up people at walking and running speeds."""
+def test_cadences_match_measurements() -> None:
+    """Reference: steps per minute of adults at walking and running speeds."""
     gait = Gait(Figure.of(ADULT.shape))
     measured = {0.8: (80, 100), 1.4: (105, 120), 2.0: (128, 145), 3.0: (155, 175), 4.0: (160, 185)}
     for speed, (least, most) in measured.items():
@@ -145,7 +145,7 @@ def test_cadences_are_those_measured() -> None:
     assert gait.stride(2.2).running < 0.3 < 0.9 < gait.stride(2.45).running
 
 
-def test_children_step_quicker_and_run_earlier() -> None:
+def test_children_take_quicker_steps_and_run_at_lower_speeds() -> None:
     adult, child = (Gait(Figure.of(b.shape)) for b in (ADULT, CHILD))
     assert adult.stride(1.2).length > 1.25 * child.stride(1.2).length
     assert adult.stride(2.1).running == 0.0 < child.stride(2.1).running
@@ -160,7 +160,7 @@ def _posed(blueprint: blueprints.Blueprint, phase: float, speed: float) -> dict[
 
 
 def test_arms_swing_against_the_legs() -> None:
-    axes = _posed(ADULT, 0.0, 1.4)  # the left foot is put down
+    axes = _posed(ADULT, 0.0, 1.4)  # the left foot touches down
     assert -axes["thigh_left"][2][0] > 0.2  # the left leg is in front, the left arm behind
     assert -axes["upper_arm_left"][2][0] < -0.2
 
@@ -174,7 +174,7 @@ def test_runners_bend_their_arms_and_lean_forward(blueprint: blueprints.Blueprin
         assert np.degrees(np.arcsin(_posed(blueprint, phase, 1.0)["torso"][2][0])) < 5.0
 
 
-def test_heads_turn_and_no_farther_than_necks_do() -> None:
+def test_heads_turn_within_the_limit_of_the_neck() -> None:
     yaw, found = 0.0, []
     for _ in range(60):
         yaw = walk_cycle.turn_head(yaw, 120.0, TICK)
@@ -189,8 +189,8 @@ def test_heads_turn_and_no_farther_than_necks_do() -> None:
     assert np.degrees(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))) == pytest.approx(50.0, abs=1.0)
 
 
-def test_people_are_posed_the_same_alone_and_together() -> None:
-    """Poses of one person do not depend on the others: the bits are those of a group of one."""
+def test_poses_of_people_do_not_depend_on_the_batch() -> None:
+    """The poses of a group equal, bit for bit, those of each person alone."""
     figures = [Figure.of(b.shape) for b in PEOPLE]
     place, heading = (3.0, -2.0), (0.6, 0.8)
     rows = [
@@ -205,8 +205,8 @@ def test_people_are_posed_the_same_alone_and_together() -> None:
 
 
 @pytest.mark.parametrize("heading", [(1.0, 0.0), (-1.0, 0.0), (-1.0, 1e-17), (0.0, -1.0), (-0.8, -0.6)])
-def test_people_may_face_any_way(heading: tuple[float, float]) -> None:
-    """The pose is the same in the frame of the body, whatever its direction."""
+def test_a_pose_does_not_depend_on_the_heading(heading: tuple[float, float]) -> None:
+    """The pose is the same in the frame of the body."""
     figure, (hx, hy) = Figure.of(ADULT.shape), heading
     found = []
     for x, y in ((1.0, 0.0), (hx, hy)):
@@ -217,7 +217,7 @@ def test_people_may_face_any_way(heading: tuple[float, float]) -> None:
     assert np.abs(found[0] - found[1]).max() < 1e-7
 
 
-def test_forward_kinematics_of_many_has_the_bits_of_one() -> None:
+def test_batched_forward_kinematics_equals_that_of_one_person() -> None:
     figures = [Figure.of(b.shape) for b in PEOPLE]
     generator = np.random.default_rng(0)
     count, joints = len(figures), len(figures[0].joints)
@@ -237,8 +237,8 @@ def test_forward_kinematics_of_many_has_the_bits_of_one() -> None:
 
 
 @pytest.mark.parametrize("blueprint", PEOPLE, ids=lambda b: b.id)
-def test_limbs_keep_together_at_the_joints(blueprint: blueprints.Blueprint) -> None:
-    """The ankle that the foot needs is the one that the shin has, within the reach of the leg."""
+def test_limbs_are_connected_at_the_joints(blueprint: blueprints.Blueprint) -> None:
+    """The foot and the shin have the same ankle position within the reach of the leg."""
     moments = walk(Figure.of(blueprint.shape), lambda t: blueprint.default_speed, 1.2)
     body = body_of(blueprint)
     for moment in moments[::2]:

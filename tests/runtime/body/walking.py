@@ -20,16 +20,16 @@ from recipe_runtime.meshes import actor_body
 from recipe_runtime.meshes.mesh import Body
 
 PEOPLE = [b for b in blueprints.LIBRARY if b.category == "pedestrian"]
-TICK = 1.0 / 30.0  # seconds between two moments
+TICK = 1.0 / 30.0  # seconds between two samples
 
 
 def level(_x: float, _y: float) -> float:
-    """Flat ground."""
+    """Return the height of flat ground."""
     return 0.0
 
 
 def kerb(begin: float, end: float) -> Ground:
-    """A sidewalk across the way, 15 cm high."""
+    """Return the height function of a sidewalk across the path, 15 cm high."""
     return lambda x, y: 0.15 if begin <= x <= end else 0.0
 
 

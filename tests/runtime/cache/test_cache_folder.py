@@ -1,4 +1,4 @@
-"""A cache folder is marked, only the project's own files in it are removed, and one with other things is refused."""
+"""A cache folder is marked; only the project's own files in it are removed; one with other files is refused."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ OURS = {
     f"{KERNELS}/wp_a_0000000/wp_a_0000000.sm90.cubin": b"x",
 }
 THEIRS = [
-    f"data/ab/{KEY}",  # a backup's
+    f"data/ab/{KEY}",  # of a backup
     f"traces/cd/{KEY}",
     f"traces/ab/{KEY}.bak",
     f"traces/ab/{KEY[:-1]}",
@@ -60,7 +60,7 @@ def _write(root: Path, files: dict[str, bytes]) -> None:
 
 
 def test_a_new_cache_is_tagged_and_marked(tmp_path: Path) -> None:
-    """Backup programs know CACHEDIR.TAG by its first 43 bytes."""
+    """Backup programs recognise CACHEDIR.TAG by its first 43 bytes."""
     Store(tmp_path / "new" / "cache").put("traces", KEY, b"")
     root = tmp_path / "new" / "cache"
     assert (root / "CACHEDIR.TAG").read_bytes()[:43] == b"Signature: 8a477f597d28d172789f06886806bc55"
@@ -68,7 +68,7 @@ def test_a_new_cache_is_tagged_and_marked(tmp_path: Path) -> None:
     assert is_marked(root)
 
 
-def test_an_absent_and_an_empty_folder_are_no_cache_yet(tmp_path: Path) -> None:
+def test_absent_and_empty_folders_are_not_a_cache(tmp_path: Path) -> None:
     assert not is_cache_folder(tmp_path) and not is_cache_folder(tmp_path / "gone")
     assert prune([tmp_path, tmp_path / "gone"], 0) == []
     assert list(tmp_path.iterdir()) == []
@@ -84,7 +84,7 @@ def test_a_cache_of_an_earlier_version_is_adopted(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mark", ["CACHEDIR.TAG", "dataset-recipe-cache"])
 @pytest.mark.parametrize("size", [0, 7])
-def test_a_marker_that_power_loss_cut_short_is_written_again(tmp_path: Path, mark: str, size: int) -> None:
+def test_a_truncated_marker_is_written_again(tmp_path: Path, mark: str, size: int) -> None:
     create_cache_folder(tmp_path)
     whole = (tmp_path / mark).read_bytes()
     (tmp_path / "dataset-recipe-cache").unlink(missing_ok=mark != "CACHEDIR.TAG")
@@ -126,10 +126,10 @@ USES: list[Callable[[Path], object]] = [
 
 @pytest.mark.parametrize("use", USES)
 @pytest.mark.parametrize("path", THEIRS)
-def test_a_folder_that_holds_anything_else_is_refused(
+def test_a_folder_with_other_files_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str, use: Callable[[Path], object]
 ) -> None:
-    """A backup's `data/ab/...` was removed when RECIPE_CACHE named it."""
+    """Regression: a backup's `data/ab/...` was removed when RECIPE_CACHE named its folder."""
     root = tmp_path / "backup"
     monkeypatch.setenv("RECIPE_CACHE", str(root))
     monkeypatch.delenv("RECIPE_KERNEL_CACHE", raising=False)
@@ -142,7 +142,7 @@ def test_a_folder_that_holds_anything_else_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_entry_that_begins_otherwise_is_not_adopted(tmp_path: Path) -> None:
+def test_an_entry_with_an_unknown_header_is_not_adopted(tmp_path: Path) -> None:
     _write(tmp_path, {f"traces/ab/{KEY}": b"\x7fELF"})
     with pytest.raises(InputError, match=f"it holds traces/ab/{KEY}"):
         create_cache_folder(tmp_path)
@@ -150,7 +150,7 @@ def test_an_entry_that_begins_otherwise_is_not_adopted(tmp_path: Path) -> None:
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(ours=st.sets(st.sampled_from(sorted(OURS))), theirs=st.sets(st.sampled_from(THEIRS)))
-def test_of_a_marked_cache_exactly_the_projects_own_is_removed(
+def test_exactly_the_projects_own_files_of_a_marked_cache_are_removed(
     tmp_path_factory: pytest.TempPathFactory, ours: set[str], theirs: set[str]
 ) -> None:
     root = tmp_path_factory.mktemp("cache")
@@ -161,7 +161,7 @@ def test_of_a_marked_cache_exactly_the_projects_own_is_removed(
     assert set(tree(root)) == {*theirs, "CACHEDIR.TAG", "dataset-recipe-cache"}
 
 
-def test_a_modules_folder_that_holds_anything_else_stays(tmp_path: Path) -> None:
+def test_a_kernel_folder_with_other_files_is_not_removed(tmp_path: Path) -> None:
     create_cache_folder(tmp_path)
     _write(tmp_path, {f"{KERNELS}/{MODULE}/{MODULE}.o": b"", f"{KERNELS}/{MODULE}/notes/thesis.tex": b""})
     before = tree(tmp_path)
@@ -172,7 +172,7 @@ def test_a_modules_folder_that_holds_anything_else_stays(tmp_path: Path) -> None
 @pytest.mark.parametrize("level", range(1, 4))
 @pytest.mark.parametrize("path", [f"traces/ab/{KEY}", f"{KERNELS}/{MODULE}/{MODULE}.o", "in-use/17.0"])
 def test_no_link_below_the_cache_is_followed(tmp_path: Path, path: str, level: int) -> None:
-    """Links at any depth: to a kind's folder, to one within it, to a file."""
+    """Links at any depth: in place of a kind's folder, of a folder within it, or of a file."""
     parts = path.split("/")
     level = min(level, len(parts))
     root, outside = tmp_path / "cache", tmp_path / "outside"
@@ -187,10 +187,10 @@ def test_no_link_below_the_cache_is_followed(tmp_path: Path, path: str, level: i
 
 
 @pytest.mark.parametrize("path", [f"traces/ab/{KEY}", f"{KERNELS}/{MODULE}/{MODULE}.o"])
-def test_a_link_that_takes_a_folders_place_meanwhile_is_not_followed(
+def test_a_link_that_replaces_a_folder_during_pruning_is_not_followed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
 ) -> None:
-    """Between the listing and the removal another user of a shared cache may put a link there."""
+    """Another user of a shared cache could place a link between the listing and the removal."""
     root, outside = tmp_path / "cache", tmp_path / "outside"
     create_cache_folder(root)
     _write(root, {path: OURS.get(path, b"")})
@@ -204,16 +204,16 @@ def test_a_link_that_takes_a_folders_place_meanwhile_is_not_followed(
     assert tree(outside) == {Path(path).name: b"theirs"}
 
 
-def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
-    """To a larger disk, say; that is the user's own doing."""
+def test_the_cache_folder_itself_may_be_a_link(tmp_path: Path) -> None:
+    """The user may link it, for example, to a larger disk."""
     (tmp_path / "disk").mkdir()
     (tmp_path / "cache").symlink_to(tmp_path / "disk")
     Store(tmp_path / "cache").put("traces", KEY, b"")
     assert [entry.kind for entry in prune([tmp_path / "cache"], 0)] == ["traces"]
 
 
-def test_two_processes_mark_a_folder_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the other has half written is no reason to refuse the folder."""
+def test_two_processes_can_mark_a_folder_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A marker that the other process has written in part does not make the folder refused."""
 
     def slower(path: Path, body: bytes) -> None:
         half = path.with_name(f".{path.name}.17.0.tmp")

@@ -1,4 +1,4 @@
-"""Whatever reads the cache holds on to it: what a lock, a verification, a shot or a scenario reads is not pruned."""
+"""Readers of the cache hold a lease: entries that a lock, verification, shot or scenario reads are not pruned."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ PLAN = dataset_plan(frames=4, weathers=1)
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setenv("RECIPE_KERNEL_CACHE", str(tmp_path / "user"))  # none of the user's own is tidied away
+    monkeypatch.setenv("RECIPE_KERNEL_CACHE", str(tmp_path / "user"))  # (the user's own cache is not pruned)
     return tmp_path / "cache"
 
 
 def held() -> bool:
-    """Whether a pruning would spare what is read now, in every folder that things are kept in."""
+    """Return whether pruning would keep entries read now, in the folder of every kind."""
     since = [pruning.oldest_lease([root]) for root in pruning.folders()]
     assert len(since) == 2
     return max(since) < float("inf")
@@ -56,7 +56,7 @@ def _shot(engines: Engines) -> None:
 
 
 @pytest.mark.parametrize("work", [_lock, _verify, _shot])
-def test_the_cache_is_held_while_it_is_read_and_no_longer(work: Callable[[Engines], None]) -> None:
+def test_a_lease_lasts_as_long_as_the_command_reads(work: Callable[[Engines], None]) -> None:
     asked: list[bool] = []
 
     def renderer(scene: ScenePlan, device: str) -> SceneRenderer:
@@ -73,16 +73,16 @@ def scenario(plan: DatasetPlan = PLAN) -> Scenario:
 
 
 @pytest.mark.slow
-def test_a_scenario_holds_the_cache_until_it_is_closed_or_collected() -> None:
+def test_the_lease_of_a_scenario_ends_when_it_is_closed_or_collected() -> None:
     street = scenario()
-    assert not held()  # nothing was read yet
+    assert not held()  # nothing has been read yet
     street.render(0)
     assert held()
     trace = [e.path for e in pruning.entries(pruning.folders()) if e.kind == "traces"]
     assert trace and pruning.auto_prune(pruning.folders(), 0) == []
     street.close()
     assert not held()
-    street.render(1)  # goes on all the same
+    street.render(1)  # it can still be used
     assert held()
     del street
     gc.collect()
@@ -93,7 +93,7 @@ def test_a_scenario_holds_the_cache_until_it_is_closed_or_collected() -> None:
     assert not held()
 
 
-def test_two_scenarios_hold_it_each_for_itself() -> None:
+def test_two_scenarios_have_separate_leases() -> None:
     first, second = scenario(), scenario()
     first.render(0)
     second.render(0)
@@ -103,8 +103,8 @@ def test_two_scenarios_hold_it_each_for_itself() -> None:
     assert not held()
 
 
-def test_a_scenario_that_was_sent_elsewhere_holds_it_there() -> None:
-    """As the workers of a `DataLoader` have it that are started afresh."""
+def test_an_unpickled_scenario_has_a_lease_in_its_process() -> None:
+    """This is the case in workers of a `DataLoader` that are started with `spawn`."""
     street = scenario()
     street.render(0)
     sent = pickle.loads(pickle.dumps(street))
@@ -114,11 +114,11 @@ def test_a_scenario_that_was_sent_elsewhere_holds_it_there() -> None:
     assert held()
 
 
-def test_a_fork_neither_ends_its_parents_hold_nor_goes_without() -> None:
+def test_a_forked_process_has_a_lease_of_its_own_and_keeps_its_parents() -> None:
     street = scenario()
     street.render(0)
     child = os.fork()
-    if child == 0:  # as a worker of a `DataLoader` begins
+    if child == 0:  # as in a worker of a `DataLoader`
         code = 1
         try:
             street.render(1)
@@ -135,7 +135,7 @@ def test_a_fork_neither_ends_its_parents_hold_nor_goes_without() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", ["pass", "import os; os._exit(0)", "raise SystemExit(3)"])
-def test_the_end_of_the_process_gives_it_back(end: str) -> None:
+def test_a_lease_ends_with_its_process(end: str) -> None:
     code = "from tests.runtime.cache.test_leases import held, scenario\n"
     code += f"street = scenario()\nstreet.render(0)\nassert held()\n{end}\n"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -1,4 +1,4 @@
-"""The cache can be looked at and pruned; nothing that is not ours is touched."""
+"""The cache can be listed and pruned; foreign files are never changed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.runtime.fakes import ENGINES, dataset_plan
 
 
 def _filled(root: Path) -> Store:
-    """Three traces, the second just used; a kernel; and a foreign file."""
+    """Create three traces (the second used last), a kernel and a foreign file."""
     store = Store(root)
     for number, key in enumerate(("aa" * 32, "bb" * 32, "cc" * 32)):
         store.put("traces", key, b"x" * 1000)
@@ -44,7 +44,7 @@ def test_sizes_are_reported_by_kind(tmp_path: Path) -> None:
     assert reported["traces"][0] == 3
 
 
-def test_what_was_unused_for_longest_goes_first(tmp_path: Path) -> None:
+def test_the_least_recently_used_entry_is_removed_first(tmp_path: Path) -> None:
     store = _filled(tmp_path)
     one = store.path("traces", "bb" * 32).stat().st_size
     removed = prune([tmp_path], 2 * one)
@@ -52,7 +52,7 @@ def test_what_was_unused_for_longest_goes_first(tmp_path: Path) -> None:
     assert [store.get("traces", k * 32) is not None for k in ("aa", "bb", "cc")] == [False, True, True]
 
 
-def test_pruning_to_nothing_leaves_what_is_not_ours(tmp_path: Path) -> None:
+def test_pruning_to_zero_keeps_foreign_files(tmp_path: Path) -> None:
     _filled(tmp_path)
     prune([tmp_path], 0)
     assert entries([tmp_path]) == []
@@ -74,22 +74,22 @@ def test_a_link_out_of_the_cache_is_not_followed(tmp_path: Path) -> None:
     assert (outside / ("a" * 64)).read_text() == "mine"
 
 
-def test_a_cache_that_is_not_there_is_empty(tmp_path: Path) -> None:
+def test_an_absent_cache_is_empty(tmp_path: Path) -> None:
     assert entries([tmp_path / "gone"]) == []
 
 
 @pytest.mark.parametrize(("text", "count"), [("0", 0), ("500M", 500 << 20), ("1.5 GiB", 3 << 29), ("2kB", 2048)])
-def test_sizes_are_read_as_people_write_them(text: str, count: int) -> None:
+def test_sizes_may_have_units(text: str, count: int) -> None:
     assert bytes_of(text) == count
 
 
 @pytest.mark.parametrize("text", ["", "much", "-1G", "1X", "1e9"])
-def test_what_is_no_size_is_refused(text: str) -> None:
+def test_an_invalid_size_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="is not a size"):
         bytes_of(text)
 
 
-def test_what_a_running_build_has_read_is_not_tidied_away(tmp_path: Path) -> None:
+def test_entries_that_a_running_build_has_read_are_not_pruned(tmp_path: Path) -> None:
     store = _filled(tmp_path)
     old = store.path("traces", "aa" * 32)
     with lease(tmp_path):
@@ -102,7 +102,7 @@ def test_what_a_running_build_has_read_is_not_tidied_away(tmp_path: Path) -> Non
     assert entries([tmp_path]) == []
 
 
-def test_a_lease_ends_with_its_process_and_the_oldest_counts(tmp_path: Path) -> None:
+def test_a_lease_ends_with_its_process_and_the_oldest_applies(tmp_path: Path) -> None:
     hold = "import sys; from pathlib import Path; from recipe_runtime.cache.leases import lease\n"
     hold += f"with lease(Path({str(tmp_path)!r})): print(flush=True); sys.stdin.read()"
     other = subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
@@ -120,7 +120,7 @@ def test_a_lease_ends_with_its_process_and_the_oldest_counts(tmp_path: Path) -> 
     assert list((tmp_path / "in-use").iterdir()) == []
 
 
-def test_an_entry_that_is_read_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_entry_read_during_pruning_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = _filled(tmp_path)
     stale = entries([tmp_path])
     with lease(tmp_path):
@@ -131,7 +131,7 @@ def test_an_entry_that_is_read_meanwhile_stays(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.slow
-def test_a_build_leaves_its_cache_within_the_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_build_the_cache_is_within_its_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = _filled(tmp_path / "cache")
     monkeypatch.setenv("RECIPE_CACHE_LIMIT", "0")
     result = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)

@@ -1,4 +1,4 @@
-"""The store gives back what was put in, or nothing; names stand for whole files."""
+"""The store returns exactly what was stored or nothing; a name always refers to a complete file."""
 
 import os
 import resource
@@ -26,7 +26,7 @@ from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
 KEY = "ab" * 32
 
 
-def test_what_was_put_is_got(tmp_path: Path) -> None:
+def test_a_stored_entry_is_returned(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert store.get("pixels", KEY) is None
     store.put("pixels", KEY, b"line\nline\n")
@@ -44,7 +44,7 @@ def test_a_damaged_entry_counts_as_absent(tmp_path: Path, damage: Callable[[byte
     assert store.get("pixels", KEY) is None
 
 
-def test_a_scene_is_simulated_once_and_again_when_damaged(tmp_path: Path) -> None:
+def test_a_scene_is_simulated_once_and_again_if_its_trace_is_damaged(tmp_path: Path) -> None:
     scene, store, calls = scene_plan(), Store(tmp_path), list[int]()
 
     def count() -> Trace:
@@ -60,7 +60,7 @@ def test_a_scene_is_simulated_once_and_again_when_damaged(tmp_path: Path) -> Non
 
 
 def test_an_entry_is_bound_to_its_kind_and_key(tmp_path: Path) -> None:
-    """An entry that is copied over another is whole in itself; its first line says whose it is."""
+    """An entry copied over another is intact, but its first line names another kind or key."""
     store, other = Store(tmp_path), "ab" + "cd" * 31
     store.put("pixels", KEY, b"mine")
     for kind, key in (("pixels", other), ("traces", KEY)):
@@ -71,7 +71,7 @@ def test_an_entry_is_bound_to_its_kind_and_key(tmp_path: Path) -> None:
     assert store.get("pixels", KEY) == b"mine"
 
 
-def test_an_entry_of_another_user_or_that_others_may_write_is_not_used(
+def test_an_entry_that_another_user_could_have_written_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = Store(tmp_path)
@@ -88,18 +88,18 @@ def test_an_entry_of_another_user_or_that_others_may_write_is_not_used(
         monkeypatch.setattr(os, "geteuid", lambda: 65534)
     assert store.get("traces", KEY) is None
     monkeypatch.undo()
-    store.put("traces", KEY, b"body")  # in its place
+    store.put("traces", KEY, b"body")  # written in its place
     assert store.get("traces", KEY) == b"body"
 
 
-def test_the_store_has_no_kinds_but_its_own(tmp_path: Path) -> None:
-    """Pruning goes by the list of kinds: what was stored as another would never be removed."""
+def test_the_store_accepts_only_its_own_kinds(tmp_path: Path) -> None:
+    """Pruning uses the list of kinds, so an entry of another kind would never be removed."""
     with pytest.raises(ValueError, match="no kind 'things'"):
         Store(tmp_path).put("things", KEY, b"")
 
 
 def _copied(store: Store, scene: ScenePlan) -> Path:
-    """Put another scene's entry in place of a scene's."""
+    """Replace the entry of a scene by that of another."""
     other = scene_plan(speed=2.0)
     store.keep_trace(other, _shifted(other))
     (theirs,) = (p for p in store.root.glob("traces/*/*") if p.is_file())
@@ -114,7 +114,7 @@ def _shifted(scene: ScenePlan) -> Trace:
     return replace(made, positions=made.positions + 7)
 
 
-def test_another_scenes_trace_is_not_taken_for_a_scenes_own(tmp_path: Path) -> None:
+def test_the_trace_of_another_scene_is_not_used(tmp_path: Path) -> None:
     scene, store = scene_plan(), Store(tmp_path)
     _copied(store, scene)
     assert not store.has_trace(scene)
@@ -140,7 +140,7 @@ def test_a_trace_has_the_frames_actors_and_parts_of_its_scene(
     assert store.trace(scene, lambda: simulate(scene)).digest == simulate(scene).digest
 
 
-def test_a_trace_has_the_parts_that_its_actors_shapes_have() -> None:
+def test_a_trace_with_other_parts_than_the_actors_shapes_is_not_used() -> None:
     plan = scene_plan()
     shape = {"height": 1.7, "shoulder": 1.0, "girth": 1.0, "head": 1.0, "limb": 1.0}
     scene = plan.model_copy(update={"actors": (plan.actors[0].model_copy(update={"shape": shape}),)})
@@ -168,7 +168,7 @@ def test_contacts_of_another_form_count_as_absent(tmp_path: Path, body: bytes) -
 def test_only_a_bad_trace_is_replaced(tmp_path: Path) -> None:
     scene, store = scene_plan(), Store(tmp_path)
     store.replace_bad_trace(scene, simulate(scene))
-    assert not store.has_trace(scene)  # absent: nothing was wrong
+    assert not store.has_trace(scene)  # absent, without a warning
     store.keep_trace(scene, _shifted(scene))
     store.replace_bad_trace(scene, simulate(scene))
     assert store.trace(scene, lambda: _shifted(scene)).digest == simulate(scene).digest
@@ -188,7 +188,7 @@ def _verify(plan: DatasetPlan, folder: Path) -> None:
 
 
 def _shot(plan: DatasetPlan, folder: Path) -> None:
-    shot(plan.variants[0], frame=11, engines=ENGINES)  # the last: an earlier one needs no whole Trace
+    shot(plan.variants[0], frame=11, engines=ENGINES)  # the last frame: earlier ones need only a part of the Trace
 
 
 @pytest.mark.slow
@@ -196,7 +196,7 @@ def _shot(plan: DatasetPlan, folder: Path) -> None:
 def test_every_command_replaces_a_bad_trace(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, work: Callable[[DatasetPlan, Path], None]
 ) -> None:
-    """`build` took another scene's motion from the cache and made a dataset of it, exit 0."""
+    """Regression: `build` used another scene's motion from the cache and succeeded."""
     plan = dataset_plan(frames=12, weathers=1)
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "empty"))
     lock(plan, "t", {}, workers=0, progress=lambda *_: None, engines=ENGINES).write(tmp_path / "tiny.lock")
@@ -208,7 +208,7 @@ def test_every_command_replaces_a_bad_trace(
 
 
 @pytest.mark.parametrize("ours", [True, False])
-def test_a_full_disk_leaves_neither_file_nor_scrap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ours: bool) -> None:
+def test_a_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ours: bool) -> None:
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path if ours else tmp_path / "elsewhere"))
     remedy = "free some space, or set RECIPE_CACHE" if ours else "free some space or allow writing$"
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -224,8 +224,8 @@ def test_a_full_disk_leaves_neither_file_nor_scrap(tmp_path: Path, monkeypatch: 
     assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
 
 
-def test_another_hosts_process_of_our_number_is_left_alone(tmp_path: Path) -> None:
-    """Two containers that share a folder may well share a process number."""
+def test_temporary_files_of_another_host_are_not_removed(tmp_path: Path) -> None:
+    """Two containers that share a folder can have processes with the same ID."""
     theirs = tmp_path / f".a.{os.getpid()}.0.tmp"
     theirs.write_bytes(b"half a fi")
     write_atomic(tmp_path / "a", b"whole")
@@ -237,7 +237,7 @@ def test_another_hosts_process_of_our_number_is_left_alone(tmp_path: Path) -> No
     }
 
 
-def test_a_file_has_the_users_own_mode(tmp_path: Path) -> None:
+def test_a_file_has_the_mode_of_the_umask(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:
         write_atomic(tmp_path / "a", b"")
@@ -246,20 +246,20 @@ def test_a_file_has_the_users_own_mode(tmp_path: Path) -> None:
     assert (tmp_path / "a").stat().st_mode & 0o777 == 0o640
 
 
-def test_the_environment_names_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_environment_variable_sets_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "elsewhere"))
     assert default_cache() == tmp_path / "elsewhere"
     monkeypatch.delenv("RECIPE_CACHE")
     assert default_cache().name == "dataset-recipe"
 
 
-def test_a_link_shares_the_file_and_a_copy_is_made_where_there_are_no_links(
+def test_files_are_hard_linked_or_copied_where_links_are_impossible(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = tmp_path / "a"
     write_atomic(source, b"labels")
     link_or_copy(source, tmp_path / "sub" / "b")
-    link_or_copy(source, tmp_path / "sub" / "b")  # again, as a resumed build does
+    link_or_copy(source, tmp_path / "sub" / "b")  # a second time, as in a resumed build
     assert (tmp_path / "sub" / "b").samefile(source)
 
     def no_links(*_: object) -> None:
@@ -282,12 +282,12 @@ def _write_many(folder: str, number: int) -> int:
     return failures
 
 
-def test_two_processes_may_make_one_folder(tmp_path: Path) -> None:
-    """A worker failed when another made the folder between its own attempt and its look at it."""
+def test_two_processes_can_create_one_folder(tmp_path: Path) -> None:
+    """Regression: a worker failed when another created the folder between its attempt and its check."""
     with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
         assert list(pool.map(_write_many, [str(tmp_path)] * 2, range(2))) == [0, 0]
 
 
-def test_a_folder_that_takes_no_files_is_an_error() -> None:
+def test_an_unwritable_folder_is_an_error() -> None:
     with pytest.raises(FileNotFoundError):
         write_atomic(Path("/proc/no-such-file.txt"), b"x")

@@ -1,4 +1,4 @@
-"""The encoders' files hold exactly the pixels given, as Pillow and NumPy read them."""
+"""Encoded files contain exactly the given pixels, as read by Pillow and NumPy."""
 
 import hashlib
 import io
@@ -15,7 +15,7 @@ PINNED = ["ba7a692cf63fa9e2", "066bee1204be7dbd", "ae32eceb1716bb0d", "d49ceadc7
 
 
 def noisy(shape: tuple[int, ...], top: int, dtype: type[Scalar]) -> NDArray[Scalar]:
-    """Every value with no pattern to it, by a small congruential generator."""
+    """Return random values from a small congruential generator."""
     values = np.arange(int(np.prod(shape)), dtype=np.uint64) * np.uint64(6364136223846793005) >> np.uint64(33)
     return (values % np.uint64(top + 1)).astype(dtype).reshape(shape)
 
@@ -39,14 +39,14 @@ def test_pillow_reads_what_was_written(pixels: NDArray[np.generic], mode: str) -
 
 
 def ramp(height: int, width: int) -> NDArray[np.uint8]:
-    """Depth as of a plane that is walked away upon, with a wall on it."""
+    """Return depth as of ground with a wall on it."""
     rows = np.arange(height)[::-1, None] * 0.37 + np.arange(width) * 0.011 + 2.0
     rows[height // 4 : height // 2, width // 3 :] = 7.5
     return codecs.carla_depth(rows.astype(np.float32))
 
 
 def digests() -> list[str]:
-    """Of files of every kind."""
+    """Return digests of files of every kind."""
     labels, wide = noisy((480, 640), 28, np.uint8), noisy((48, 64), 15999, np.uint16)
     labels[:, 40:600] //= 8
     files = [codecs.photograph(noisy((480, 640, 3), 90, np.uint8)), codecs.png(ramp(480, 640))]
@@ -55,12 +55,12 @@ def digests() -> list[str]:
 
 
 def test_png_bytes_are_pinned() -> None:
-    """A changed encoder is a changed stage version, never an accident."""
+    """Changing an encoder's bytes requires a new stage version."""
     assert digests() == PINNED
 
 
 @pytest.mark.parametrize("shape", [(7, 5, 3), (1, 1, 3), (480, 640, 3)])
-def test_pillow_reads_a_photograph(shape: tuple[int, ...]) -> None:
+def test_pillow_reads_a_picture(shape: tuple[int, ...]) -> None:
     pixels = noisy(shape, 255, np.uint8)
     picture = Image.open(io.BytesIO(codecs.photograph(pixels)))
     picture.load()
@@ -68,18 +68,18 @@ def test_pillow_reads_a_photograph(shape: tuple[int, ...]) -> None:
     assert np.array_equal(np.asarray(picture), pixels)
 
 
-def test_a_photograph_of_noise_is_smaller_than_the_search_for_repeats_makes_it() -> None:
+def test_a_noisy_picture_is_smaller_than_with_deflate_matching() -> None:
     steps = noisy((480, 640, 3), 15, np.uint8).cumsum(axis=1, dtype=np.uint8)
     assert len(codecs.photograph(steps)) < len(codecs.png(steps))
 
 
 @pytest.mark.parametrize("pixels", [np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3), np.uint16)])
-def test_no_photograph_of_labels(pixels: NDArray[np.uint8]) -> None:
+def test_labels_are_not_encoded_as_a_picture(pixels: NDArray[np.uint8]) -> None:
     with pytest.raises(ValueError, match="no photograph"):
         codecs.photograph(pixels)
 
 
-def test_no_png_of_what_has_no_form() -> None:
+def test_arrays_of_other_shapes_or_types_are_refused() -> None:
     with pytest.raises(ValueError, match="float32"):
         codecs.png(np.zeros((4, 4), np.float32))
 

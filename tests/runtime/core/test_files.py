@@ -1,4 +1,4 @@
-"""Files within a folder are opened through no link, and read only if they are regular and not larger than allowed."""
+"""Files in a folder are opened without following links, and read only if regular and within a size limit."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_nothing_else_is_opened(root: Path) -> None:
 
 @contextmanager
 def swapped(path: Path) -> Iterator[None]:
-    """Another thread replaces a file by a pipe, by a link to a device, and by itself, again and again."""
+    """Run a thread that repeatedly replaces a file by a pipe, by a link to a device and by itself."""
     real, other, ended = path.with_name("real"), path.with_name("other"), threading.Event()
     path.rename(real)
 
@@ -67,7 +67,7 @@ def swapped(path: Path) -> Iterator[None]:
         thread.join()
 
 
-def test_a_file_that_is_replaced_meanwhile_neither_blocks_nor_fills_the_memory(root: Path) -> None:
+def test_a_file_replaced_during_reading_neither_blocks_nor_exhausts_memory(root: Path) -> None:
     read = 0
     with swapped(root / "a" / "b" / "file"):
         for _ in range(3000):

@@ -1,4 +1,4 @@
-"""A sensor stands at the closed-form pose at every frame: in the world, on an actor, on an arm, behind an actor.
+"""A sensor has the closed-form pose in every frame: in the world, on an actor, on an arm, behind an actor.
 
 The oracle is numpy with libm: rotations as matrix products, smoothing as a sum of weights, a wall as a plane.
 """
@@ -37,7 +37,7 @@ def rotation(yaw: float, pitch: float, roll: float) -> Floats:
 
 
 def trace(seed: int, frames: int = FRAMES, turn: float = 8.0) -> Trace:
-    """An actor that drives along, turns by up to so many degrees a frame, and leans."""
+    """Return an actor that drives, turns by up to `turn` degrees per frame, and leans."""
     random = np.random.default_rng(seed)
     yaw = np.cumsum(random.uniform(-turn, turn, frames)) + random.uniform(-180, 180)
     lean = random.uniform(-4, 4, (2, frames))
@@ -59,7 +59,7 @@ def trace(seed: int, frames: int = FRAMES, turn: float = 8.0) -> Trace:
 
 
 def base(of: Trace, frame: int) -> tuple[Floats, Floats]:
-    """Origin [3] and rotation [3, 3] of the actor."""
+    """Return the actor's origin [3] and rotation [3, 3]."""
     x, y, z, w = of.rotations[frame, 0] / np.linalg.norm(of.rotations[frame, 0].astype(float))
     turned = np.array(
         [
@@ -72,7 +72,7 @@ def base(of: Trace, frame: int) -> tuple[Floats, Floats]:
 
 
 def heading(of: Trace, frame: int, decay: float) -> float:
-    """The smoothed yaw in degrees: the sum of all headings so far, with their weights."""
+    """Return the smoothed yaw in degrees: the weighted sum of all headings so far."""
     ahead = np.array([base(of, k)[1][:2, 0] for k in range(frame + 1)])
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     weights = (1.0 - decay) * decay ** np.arange(frame, -1, -1.0)
@@ -82,7 +82,7 @@ def heading(of: Trace, frame: int, decay: float) -> float:
 
 
 def looking(at: Floats, place: Floats, pose: Pose) -> Floats:
-    """The rotation of a sensor that looks from a place at a point, with the angles of its pose added."""
+    """Return the rotation of a sensor that looks at a point, with the angles of its pose added."""
     x, y, z = at - place
     yaw, pitch = np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(-z, np.hypot(x, y)))
     return rotation(float(yaw), float(pitch), 0.0) @ rotation(pose.yaw, pose.pitch, pose.roll)
@@ -123,7 +123,7 @@ arms = st.builds(
 @quick
 @given(st.integers(0, 1000), arms, st.sampled_from([0.0, 0.3, 0.7659, 0.99, 1.0]))
 def test_at_the_end_of_an_arm(seed: int, pose: Pose, decay: float) -> None:
-    """It keeps level, turns with the actor's smoothed heading, and looks at a point above the actor's origin."""
+    """The arm stays level, turns with the actor's smoothed heading, and its sensor looks at a point above the actor."""
     motion, plan = trace(seed), sensor((pose,), "car", ArmPlan(decay=decay))
     for frame in range(FRAMES):
         origin, _ = base(motion, frame)
@@ -132,8 +132,8 @@ def test_at_the_end_of_an_arm(seed: int, pose: Pose, decay: float) -> None:
         assert_at(sensor_transform(plan, motion, frame), place, turned)
 
 
-def test_the_weights_of_a_long_clip_are_those_of_all_its_frames() -> None:
-    """Headings older than forty time constants are left out, which no digit shows."""
+def test_truncating_the_smoothing_changes_nothing() -> None:
+    """Headings older than 40 time constants are omitted, which changes no digit."""
     motion, pose = trace(3, 1200, turn=1.0), Pose(x=-6.0, z=2.5)
     plan = sensor((pose,), "car", ArmPlan(decay=0.9))
     place = base(motion, 1199)[0] + rotation(heading(motion, 1199, 0.9), 0, 0) @ np.array([-6.0, 0.0, 2.5])
@@ -150,10 +150,8 @@ def test_a_longer_clip_extends_a_shorter_one() -> None:
 
 @quick
 @given(st.integers(0, 1000), st.floats(-180, 180), st.floats(2, 20), st.floats(0.5, 30), st.floats(1, 6))
-def test_an_arm_ends_before_the_wall_that_it_meets(
-    seed: int, yaw: float, length: float, distance: float, height: float
-) -> None:
-    """The wall is high and wide, and so far from the arm's start that the arm meets its front, or falls short of it."""
+def test_an_arm_ends_in_front_of_a_wall(seed: int, yaw: float, length: float, distance: float, height: float) -> None:
+    """The wall is large, and the arm hits its front or is too short to reach it."""
     motion = trace(seed, 1)
     origin, _ = base(motion, 0)
     normal = rotation(yaw, 0, 0)[:, 0]
@@ -175,7 +173,7 @@ def test_an_arm_ends_before_the_wall_that_it_meets(
 @pytest.mark.parametrize(
     ("x", "z", "size"), [(-3.0, -20.0, (2.0, 2.0, 10.0)), (-20.0, 0.0, (4.0, 4.0, 50.0)), (0.0, 0.0, (1.0, 1.0, 9.0))]
 )
-def test_a_box_that_is_below_or_beyond_or_around_the_start_does_not_shorten_an_arm(
+def test_a_box_below_beyond_or_around_the_start_does_not_shorten_an_arm(
     x: float, z: float, size: tuple[float, float, float]
 ) -> None:
     still = np.zeros((1, 1, 3), np.int64)

@@ -1,4 +1,4 @@
-"""The Trace: bytes round-trip, damage is noticed, and every number counts for its digest."""
+"""The Trace: bytes round-trip, damage is detected, and every number affects its digest."""
 
 import hashlib
 import tracemalloc
@@ -26,7 +26,7 @@ def test_bytes_round_trip() -> None:
 
 
 @pytest.mark.parametrize("at", [0, 40, -1, -40])
-def test_a_flipped_bit_is_noticed(at: int) -> None:
+def test_a_flipped_bit_is_detected(at: int) -> None:
     data = bytearray(make_trace().to_bytes())
     data[at] ^= 4
     with pytest.raises(ValueError, match="damaged"):
@@ -34,7 +34,7 @@ def test_a_flipped_bit_is_noticed(at: int) -> None:
 
 
 @pytest.mark.parametrize("field", ["positions", "rotations", "linear", "angular"])
-def test_every_array_counts(field: str) -> None:
+def test_every_array_affects_the_digest(field: str) -> None:
     trace = make_trace()
     array = getattr(trace, field).copy()
     array[3, 0, 1] += 1
@@ -46,7 +46,7 @@ def test_every_array_counts(field: str) -> None:
 
 
 def test_a_long_header_is_refused_before_it_is_parsed() -> None:
-    """Of a file from outside: a line of 1 GiB would become objects of 27 GiB."""
+    """The file is untrusted: parsing a line of 1 GiB would create objects of 27 GiB."""
     body = b'{"format":"recipe/trace/1","x":[' + b"[]," * (3 << 20) + b"[]]}\n"
     tracemalloc.start()
     try:
@@ -57,6 +57,6 @@ def test_a_long_header_is_refused_before_it_is_parsed() -> None:
         tracemalloc.stop()
 
 
-def test_an_actor_knows_its_parts() -> None:
+def test_an_actor_lists_its_parts() -> None:
     assert make_trace().actor_parts("a") == [0, 1]
     assert make_trace().base_part("b") == 2

@@ -1,4 +1,4 @@
-"""A Trace is read from its file by pieces: memory does not grow with the number of frames, and no digest changes."""
+"""A Trace is read from its file in chunks: memory does not grow with the number of frames, and digests are equal."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def _peak(folder: Path, frames: int) -> int:
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_frames(tmp_path: Path) -> None:
-    """2,400 frames of 400 actors are 80 MiB of motion, which took five times that in every process."""
+    """2,400 frames of 400 actors are 80 MiB, which had taken five times as much memory in every process."""
     few, many = _peak(tmp_path / "few", 100), _peak(tmp_path / "many", 2400)
     assert many < 1.1 * few, (few, many)
 
 
 def _random(frames: int, sizes: list[int], seed: int) -> Trace:
-    """A Trace of actors with so many parts each."""
+    """Return a random Trace of actors with the given numbers of parts."""
     random = np.random.default_rng(seed)
     actors = tuple(f"a{n}" for n in range(len(sizes)))
     parts = tuple(f"{actor}/p{k}" for actor, size in zip(actors, sizes, strict=True) for k in range(size))
@@ -57,7 +57,7 @@ def _random(frames: int, sizes: list[int], seed: int) -> Trace:
 
 
 def _written(trace: Trace) -> Trace:
-    """The same, written frame by frame."""
+    """Return the same Trace, written frame by frame."""
     writer = TraceWriter(trace.actors, trace.parts, trace.frames)
     for k in reversed(range(trace.frames)):
         writer.write(k, frame_bytes(trace.positions[k], trace.rotations[k], trace.linear[k], trace.angular[k]))
@@ -67,7 +67,7 @@ def _written(trace: Trace) -> Trace:
 
 
 def _whole_digest(trace: Trace, actor: str, end: int) -> str:
-    """An actor's digest as it is defined, over arrays that lie in memory whole."""
+    """Return an actor's digest by its definition, over complete arrays."""
     rows, a = trace.actor_parts(actor), trace.actors.index(actor)
     arrays = trace.positions[:end, rows], trace.rotations[:end, rows], trace.linear[:end, a], trace.angular[:end, a]
     return digest_bytes("trace-actor/1", *(digest_array("trace-array/1", array).encode() for array in arrays))
@@ -82,7 +82,7 @@ def _whole_bytes(trace: Trace) -> bytes:
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 9), st.lists(st.integers(1, 3), max_size=4), st.integers(1, 4000), st.integers(0, 99))
-def test_pieces_of_any_size_give_the_same_bytes_and_digests(
+def test_chunks_of_any_size_give_the_same_bytes_and_digests(
     frames: int, sizes: list[int], chunk: int, seed: int
 ) -> None:
     trace, before = _random(frames, sizes, seed), trace_module._CHUNK
@@ -103,7 +103,7 @@ def test_pieces_of_any_size_give_the_same_bytes_and_digests(
 
 
 @pytest.mark.parametrize("at", [0, 40, -1, -40])
-def test_a_damaged_file_is_noticed(tmp_path: Path, at: int) -> None:
+def test_a_damaged_file_is_detected(tmp_path: Path, at: int) -> None:
     data = bytearray(_whole_bytes(_random(4, [2, 1], 0)))
     path = tmp_path / "trace"
     path.write_bytes(b"a line\n" + data)
@@ -116,7 +116,7 @@ def test_a_damaged_file_is_noticed(tmp_path: Path, at: int) -> None:
         Trace.from_file(file)
 
 
-def test_what_the_store_gives_is_mapped_and_read_only(tmp_path: Path) -> None:
+def test_a_trace_of_the_store_is_memory_mapped_and_read_only(tmp_path: Path) -> None:
     scene = scene_plan()
     trace = Store(tmp_path).trace(scene, lambda: simulate(scene))
     assert trace.mapping is not None
@@ -128,13 +128,13 @@ def _arrays(trace: Trace) -> tuple[NDArray[np.generic], ...]:
     return trace.positions, trace.rotations, trace.linear, trace.angular
 
 
-def test_many_frames_at_once_are_those_frames() -> None:
+def test_many_frames_at_once_equal_single_frames() -> None:
     trace = _random(5, [2], 1)
     some = part_transforms(trace, slice(1, 4))
     assert (some == np.stack([part_transforms(trace, k) for k in (1, 2, 3)])).all()
 
 
-def test_tracks_are_made_a_few_frames_at_a_time() -> None:
+def test_tracks_are_written_in_chunks_of_frames() -> None:
     scene = scene_plan(35)
     pieces = list(tracks_csv(scene, simulate(scene)))
     assert [piece.count(b"\n") for piece in pieces] == [1, 48, 48, 9]

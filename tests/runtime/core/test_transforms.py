@@ -1,4 +1,4 @@
-"""Rigid transforms: the conventions that plans state, and exactness where it can be had."""
+"""Rigid transforms: the conventions of plans, and exact results where possible."""
 
 import numpy as np
 from hypothesis import given
@@ -16,7 +16,7 @@ POSES = st.builds(
 
 
 @given(POSES, POSES)
-def test_inverse_undoes(one: Pose, other: Pose) -> None:
+def test_a_transform_times_its_inverse_is_the_identity(one: Pose, other: Pose) -> None:
     a, b = from_pose(one), from_pose(other)
     np.testing.assert_allclose(compose(invert(a), compose(a, b)), b, atol=1e-9)
 
@@ -35,7 +35,7 @@ def test_yaw_turns_left_and_positive_pitch_looks_down() -> None:
     np.testing.assert_array_equal(from_pose(Pose(roll=90))[:, :3] @ np.array([0, 1, 0]), [0, 0, 1])
 
 
-def test_parts_of_a_trace_stand_where_it_says() -> None:
+def test_parts_have_the_poses_of_the_trace() -> None:
     transforms = part_transforms(make_trace(), 2)
     assert transforms.shape == (3, 3, 4)
     np.testing.assert_array_equal(transforms[:, :, 3], make_trace().positions[2] / 2**20)

@@ -1,4 +1,4 @@
-"""Secrets of URLs are masked wherever a URL is shown, in errors of the libraries underneath too."""
+"""Secrets in URLs are masked wherever a URL is shown, also in errors of libraries."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_secrets_are_masked(text: str, shown: str) -> None:
 
 
 @pytest.mark.parametrize("text", KEPT)
-def test_what_is_no_secret_is_shown(text: str) -> None:
+def test_other_text_is_not_masked(text: str) -> None:
     assert urls.without_secrets(text) == text
 
 
@@ -63,21 +63,21 @@ _SECRET = st.text("abcXYZ019/+=@:%._~-", min_size=6, max_size=40).filter(lambda 
 
 
 @given(_SECRET, st.sampled_from(["s3", "gs", "abfs"]))
-def test_no_part_of_a_password_is_left(secret: str, scheme: str) -> None:
+def test_no_part_of_a_password_is_shown(secret: str, scheme: str) -> None:
     url = f"{scheme}://KEY:{secret}@bucket/name"
     assert urls.shown(url) == f"{scheme}://KEY:***@bucket/name"
-    message = f"no such place: KEY:{secret}@bucket/name"  # as a library says it, without the scheme
+    message = f"no such place: KEY:{secret}@bucket/name"  # as in a library's message, without the scheme
     assert secret not in urls.without_secrets(message, url)
 
 
 @given(_SECRET)
-def test_no_part_of_a_signature_is_left(secret: str) -> None:
+def test_no_part_of_a_signature_is_shown(secret: str) -> None:
     assert urls.shown(f"https://host/x?a=1&sig={secret}").endswith("/x?***")
 
 
 @given(_SECRET, st.sampled_from(["s3", "az", "https"]))
 @example("0000/X", "https")
-def test_neither_an_escaped_colon_nor_one_slash_shows_a_password(secret: str, scheme: str) -> None:
+def test_a_password_is_masked_with_an_escaped_colon_or_one_slash(secret: str, scheme: str) -> None:
     for start in (f"{scheme}://KEY%3A", f"{scheme}:/KEY:", f"{scheme}:/KEY%3a"):
         url = f"{start}{secret}@bucket/name"
         assert urls.shown(url).endswith(":***@bucket/name")
@@ -85,7 +85,7 @@ def test_neither_an_escaped_colon_nor_one_slash_shows_a_password(secret: str, sc
 
 
 @given(_SECRET)
-def test_no_part_of_a_signature_in_a_path_is_left(secret: str) -> None:
+def test_no_part_of_a_signature_in_a_path_is_shown(secret: str) -> None:
     url = f"https://host/x;sig={secret}"
     assert urls.shown(url) == "https://host/x;***" or ":/" in secret
     assert secret not in urls.without_secrets(f"refused: {secret}", url)

@@ -1,4 +1,4 @@
-"""The card of a dataset says of depth and sky what holds for its cameras."""
+"""The card of a dataset describes depth and sky as its cameras record them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.runtime.fakes import dataset_plan
 
 
 def with_cameras(plan: DatasetPlan, far: float, capture: tuple[str, ...]) -> DatasetPlan:
-    """The plan with cameras that see so far."""
+    """Return the plan with cameras of the given far limit."""
     variants = []
     for variant in plan.variants:
         sensors = [
@@ -26,16 +26,16 @@ def with_cameras(plan: DatasetPlan, far: float, capture: tuple[str, ...]) -> Dat
     ("depth", "far", "sky"),
     [("carla", 1000.0, "1000 m"), ("carla", 300.0, "300 m"), ("carla", 5000.0, "1000 m"), ("npy", 5000.0, "5000 m")],
 )
-def test_the_sky_is_where_the_pictures_have_it(depth: str, far: float, sky: str) -> None:
-    """`1000 m and more, sky included, are 1000 m` was said of cameras that see 300 m far, too."""
+def test_the_card_states_the_depth_of_the_sky(depth: str, far: float, sky: str) -> None:
+    """Regression: the card stated a depth of 1000 m for the sky also if the cameras' far limit is 300 m."""
     (line,) = [row for row in text(depth, far, ("rgb", "depth")).splitlines() if row.startswith("- depth:")]
     assert f"The sky is at {sky}." in line
 
 
-def test_depth_that_is_not_there_is_not_described() -> None:
+def test_the_card_of_a_dataset_without_depth_does_not_describe_it() -> None:
     assert "depth:" not in text("carla", 1000.0, ("rgb",)) and "1000 m" not in text("carla", 1000.0, ("rgb",))
 
 
 def text(depth: str, far: float, capture: tuple[str, ...]) -> str:
-    """The card of a dataset without frames."""
+    """Return the card of a dataset without frames."""
     return card(with_cameras(dataset_plan(depth=depth), far, capture), "tiny@sha256:0", [])

@@ -1,4 +1,4 @@
-"""Plans, manifests and lockfiles from outside, changed anywhere: each is refused with an InputError, or accepted.
+"""Untrusted plans, manifests and lockfiles with any change are either accepted or refused with an InputError.
 
 `make fuzz` searches further, with a memory limit of 1 GiB and 60 s a case.
 """
@@ -46,10 +46,10 @@ JUNK = st.one_of(
 
 
 def mutated(document: Any, data: st.DataObject) -> Any:
-    """The document with one value, wherever it is, replaced, removed, added or given twice."""
+    """Return the document with one value anywhere replaced, removed, added or repeated."""
     document = json.loads(json.dumps(document))
     here: Any = document
-    parent: Any = None  # the list or object that holds it
+    parent: Any = None  # the list or object that contains it
     key: Any = None
     while isinstance(here, dict | list) and here and (parent is None or data.draw(st.integers(0, 7))):
         parent, keys = here, sorted(here) if isinstance(here, dict) else list(range(len(here)))
@@ -75,7 +75,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def with_town() -> dict[str, Any]:
-    """An honest plan, of every kind of element that a small town has."""
+    """Return a valid plan with every kind of element of a small town."""
     document: dict[str, Any] = json.loads(_with_town())
     return document
 
@@ -91,7 +91,7 @@ def _with_town() -> str:
 
 
 def accepted(read: Callable[[], object]) -> bool:
-    """Whether a document is accepted; anything but an InputError of one printable line is a failure."""
+    """Return whether a document is accepted; any error but an InputError of one printable line fails the test."""
     try:
         read()
     except InputError as error:
@@ -114,7 +114,7 @@ def test_a_changed_plan_is_refused_or_accepted(tmp_path_factory: pytest.TempPath
 @settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data(), st.booleans())
 def test_a_changed_dataset_is_refused_or_accepted(built: Path, data: st.DataObject, of_plan: bool) -> None:
-    """Of what is accepted, the files are compared, which tells of what is wrong and raises nothing."""
+    """The files of an accepted dataset are compared, which reports differences without raising."""
     path = built / ("plans/weather=w0,jitter=still.json" if of_plan else "manifest.json")
     before = path.read_bytes()
     try:
@@ -204,7 +204,7 @@ def weather(**changes: float) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_plan_that_asks_for_too_much_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_plan_over_a_limit_is_refused(tmp_path: Path, name: str) -> None:
     make, says = HOSTILE[name]
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(make()))
@@ -224,7 +224,7 @@ def test_parts_that_variants_share_are_read_once() -> None:
     assert reader.read(json.dumps(document).encode()).scene.town is first.scene.town
 
 
-def test_a_pack_with_a_file_that_its_recipe_does_not_use_is_refused(tmp_path: Path) -> None:
+def test_a_bundle_with_an_unused_file_is_refused(tmp_path: Path) -> None:
     files = {"a.yaml": b"", "b/base.yaml": b"", "b/c.obj": b"", "lockfiles/x.lock": b"", "lockfiles/x.traces": b""}
     used = "x", ["a.yaml", "b/base.yaml", "b/c.obj"]
     path = tmp_path / "x.recipe"
@@ -240,7 +240,7 @@ def test_a_pack_with_a_file_that_its_recipe_does_not_use_is_refused(tmp_path: Pa
             pass
 
 
-def test_a_lockfile_has_no_more_rows_than_its_plan_may_explain(tmp_path: Path) -> None:
+def test_a_lockfile_with_more_rows_than_its_plan_needs_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.lock"
     path.write_text(HEAD + frame_rows(10_500))
     assert len(lockfile.read(path).frames) == 10_500
@@ -248,7 +248,7 @@ def test_a_lockfile_has_no_more_rows_than_its_plan_may_explain(tmp_path: Path) -
         lockfile.read(path, PLAN)
 
 
-def test_a_manifest_has_no_more_rows_than_its_plan_may_explain(built: Path) -> None:
+def test_a_manifest_with_more_rows_than_its_plan_needs_is_refused(built: Path) -> None:
     path = built / "manifest.json"
     before = path.read_bytes()
     manifest = json.loads(before)
@@ -282,7 +282,7 @@ print(time.process_time() - start, peak(), said)
 
 
 def measured(kind: str, path: Path) -> tuple[float, int, str]:
-    """Seconds of CPU and bytes of memory that reading a document takes in a process of its own, and what it says."""
+    """Read a document in a new process; return its CPU seconds, its memory in bytes and its message."""
     done = subprocess.run([sys.executable, "-c", _READ, kind, str(path)], capture_output=True, text=True, check=True)
     seconds, kilobytes, said = done.stdout.strip().split(" ", 2)
     return float(seconds), int(kilobytes) * 1024, said

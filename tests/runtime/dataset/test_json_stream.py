@@ -1,4 +1,4 @@
-"""A document that is read piece by piece says what `json` says, and a broken one ends in a ValueError."""
+"""The streaming reader returns the values of `json`, and raises ValueError for invalid documents."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VALUES = st.recursive(LEAVES, lambda v: st.lists(v, max_size=3) | st.dictionarie
 
 
 class Trickle(io.BytesIO):
-    """A file that gives a few bytes at a time, so that pieces end anywhere: in a number, a string or a character."""
+    """A file that returns a few bytes per read, so that chunks end within numbers, strings and characters."""
 
     def read(self, size: int | None = -1) -> bytes:
         return super().read(3)
@@ -33,7 +33,7 @@ def read(body: bytes) -> Any:
 @pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(st.dictionaries(st.text().filter(lambda key: key != "list"), VALUES), st.lists(VALUES), st.booleans())
-def test_pieces_are_the_whole(document: dict[str, Any], items: list[Any], indented: bool) -> None:
+def test_chunks_give_the_same_values_as_json(document: dict[str, Any], items: list[Any], indented: bool) -> None:
     document["list"] = items
     body = json.dumps(document, ensure_ascii=indented, indent=2 if indented else None).encode()
     assert read(body) == document
@@ -81,7 +81,7 @@ def test_a_broken_or_long_document_is_refused(body: bytes) -> None:
         read(body)
 
 
-def test_an_endless_file_is_read_as_far_as_it_may_be() -> None:
+def test_an_endless_file_is_read_up_to_the_limit() -> None:
     class Spaces(io.BytesIO):
         def read(self, size: int | None = -1) -> bytes:
             return b" " * (size or 0)
@@ -90,6 +90,6 @@ def test_an_endless_file_is_read_as_far_as_it_may_be() -> None:
         next(JsonStream(Spaces(), 10_000_000).members())
 
 
-def test_values_are_counted_before_they_are_made() -> None:
+def test_values_are_counted_before_they_are_created() -> None:
     with pytest.raises(ValueError, match="more than 1,000 values"):
         json_stream.loads(b"[" + b"0," * 1_000 + b"0]", 1_000)

@@ -1,4 +1,4 @@
-"""Every file of a manifest is in the table of its kind: pictures that no digest covers cannot hide frames."""
+"""Each file of a manifest must be in the table of its kind, so that frames cannot be listed as previews."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text from outside shows in a dataset's README.md as it is, and does nothing there; markdown-it-py is the oracle."""
+"""Untrusted text appears in a dataset's README.md as plain text without markup; markdown-it-py is the oracle."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def inline(tokens: list[Token]) -> list[Token]:
 
 
 def words(text: str) -> list[str]:
-    """The words of a text as they are to show."""
+    """Return the words of a text as they must appear."""
     return "".join(sign if sign.isprintable() or sign in "\r\n\t" else "\ufffd" for sign in text).split()
 
 
@@ -73,7 +73,7 @@ def test_each_hostile_text_is_plain_text(text: str) -> None:
 
 @given(TEXTS)
 @example("a | b")
-def test_a_cell_stays_a_cell(text: str) -> None:
+def test_text_in_a_table_cell_stays_in_the_cell(text: str) -> None:
     tokens = PARSER.parse(f"| head | other |\n|---|---|\n| {one_line(text)} | last |")
     assert [token.type for token in tokens].count("td_open") == 2
     assert {token.type for token in inline(tokens)} <= {"text"}
@@ -81,16 +81,16 @@ def test_a_cell_stays_a_cell(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["https://evil.example", "www.evil.example", "WWW.evil.example", "me@evil.example"])
 def test_an_address_is_no_link_in_githubs_dialect(text: str) -> None:
-    """GitHub links what looks like an address; its rules read `://`, `www.` and a letter after `@` as they stand."""
+    """GitHub links addresses that contain a literal `://`, `www.` or a letter after `@`."""
     assert not re.search(r"(?<!\\)://|\bwww\.|@\w", paragraphs(text), re.IGNORECASE)
 
 
-def test_plain_prose_stays_readable() -> None:
+def test_plain_prose_is_not_escaped() -> None:
     prose = "Two pedestrians pass (listing 1): 3.5 m/s, weather_sweep; it's a 3-D scene, isn't it?"
     assert paragraphs(prose) == prose
 
 
-def test_nothing_of_a_description_gets_out_of_its_place_in_the_card() -> None:
+def test_a_description_cannot_break_out_of_its_paragraph_of_the_card() -> None:
     plain = PARSER.parse(card(dataset_plan(description="Boxes."), "tiny@sha256:0", ()))
     for text in HOSTILE:
         tokens = PARSER.parse(card(dataset_plan(description=text), "tiny@sha256:0", ()))

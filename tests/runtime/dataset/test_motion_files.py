@@ -31,7 +31,7 @@ def rows(pieces: Iterable[bytes]) -> Rows:
 
 
 def leaning(frames: int, roll_rate: float, pitch_rate: float, fps: int) -> Trace:
-    """The actors roll and pitch at constant rates, degrees per second, and look along +y."""
+    """Return a Trace of actors that look along +y and roll and pitch at constant rates, in degrees per second."""
     scene = scene_plan(frames)
     trace = simulate(scene)
     rotations = np.zeros((frames, 3, 4), np.int32)
@@ -50,7 +50,7 @@ def leaning(frames: int, roll_rate: float, pitch_rate: float, fps: int) -> Trace
 
 @given(st.floats(-80, 80), st.floats(-80, 80))
 def test_lean_and_its_rates(roll_rate: float, pitch_rate: float) -> None:
-    """Up to 40 degrees of roll and pitch in half a second, both at rates that the file gives."""
+    """The file has the roll, the pitch and their rates, up to 40 degrees in half a second."""
     found = rows(tracks_csv(scene_plan(6), leaning(6, roll_rate, pitch_rate, 10)))
     for row in found:
         time = float(row["time"])
@@ -61,7 +61,7 @@ def test_lean_and_its_rates(roll_rate: float, pitch_rate: float) -> None:
         assert float(row["pitch_rate"]) == pytest.approx(pitch_rate, abs=1e-3)
 
 
-def test_the_rate_of_an_actor_that_enters_is_not_that_of_its_jump() -> None:
+def test_the_jump_of_an_entering_actor_does_not_affect_its_rates() -> None:
     scene, trace = scene_plan(4), leaning(4, 20.0, 0.0, 10)
     positions = trace.positions.copy()
     positions[:2, 0, 2] = -1000 * METRE
@@ -73,7 +73,7 @@ def test_the_rate_of_an_actor_that_enters_is_not_that_of_its_jump() -> None:
     assert [round(float(row["roll_rate"]), 2) for row in mine] == [0.0, 0.0, 20.0, 20.0]
 
 
-def test_boxes_are_those_of_the_blueprint_on_the_ground() -> None:
+def test_boxes_have_the_size_of_the_blueprint_and_stand_on_the_ground() -> None:
     scene = scene_plan(2)
     for row in rows(tracks_csv(scene, simulate(scene))):
         (actor,) = (a for a in scene.actors if a.name == row["actor"])
@@ -91,7 +91,7 @@ def town_with_a_light(scene: ScenePlan) -> ScenePlan:
 def test_events_of_trace_plan_and_labels() -> None:
     scene = town_with_a_light(scene_plan(12))
     contacts = (
-        ContactEvent("van", "hero2", -30, -5, 3.0),  # over before frame 0
+        ContactEvent("van", "hero2", -30, -5, 3.0),  # ended before frame 0
         ContactEvent("van", "hero1", -2, 30, 4.5),
         ContactEvent("hero1", "hero2", 49, 400, 0.25),
     )
@@ -133,7 +133,7 @@ def test_tracks_begin_and_end_with_the_labels(tmp_path: Path) -> None:
             assert (int(row["frame"]), int(row["end_frame"]), int(row["value"])) == (seen[0], seen[-1], len(seen))
 
 
-def test_a_kept_trace_has_its_contacts(tmp_path: Path) -> None:
+def test_a_cached_trace_has_its_contacts(tmp_path: Path) -> None:
     scene, store = scene_plan(), Store(tmp_path)
     made = simulate(scene)
     assert made.contacts

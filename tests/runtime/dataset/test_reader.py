@@ -1,4 +1,4 @@
-"""A dataset's folder is untrusted: errors take one line, and links out of it are never followed."""
+"""A dataset's folder is untrusted: every error is one line, and links out of the folder are never followed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def manifest_of(root: Path) -> Manifest:
 
 
 def rewrite(root: Path, path: str, body: bytes) -> None:
-    """Change a file, and the manifest to match: what a forger does."""
+    """Change a file, and the manifest to match, as a forger would."""
     (root / path).unlink()
     (root / path).write_bytes(body)
     manifest = manifest_of(root)
@@ -74,7 +74,7 @@ def differences(root: Path) -> list[str]:
     return [line for _, line in datasets.text_differences(datasets.read(root), traces)]
 
 
-def test_what_was_built_is_whole(built: Path) -> None:
+def test_a_built_dataset_is_intact(built: Path) -> None:
     assert damage(built) == differences(built) == []
     assert {p.relative_to(built).as_posix() for p in built.rglob("*") if p.is_file()} == expected_files(PLAN)
     assert is_whole(manifest_of(built), PLAN, built)
@@ -82,7 +82,7 @@ def test_what_was_built_is_whole(built: Path) -> None:
 
 @pytest.mark.slow
 def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Labels of all videos must not be kept, or memory grows without bound with an untrusted dataset's frames."""
+    """Labels of all videos must not be in memory at once, or an untrusted dataset could exhaust it."""
     opened, original = list[str](), datasets.labels
 
     def labels(dataset: Any, variant: Any, sensor: Any) -> Any:
@@ -94,7 +94,7 @@ def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.Mo
     videos = len(opened)
     monkeypatch.setattr(datasets, "_MAX_KEPT", 0)
     assert differences(copy) == []
-    assert len(opened) >= 4 * videos  # checked, then for tracks and annotations of kwcoco, coco and README
+    assert len(opened) >= 4 * videos  # for the check, then for tracks and annotations of kwcoco, coco and README
     path = copy / "annotations" / "kwcoco.json"
     body = path.read_bytes()
     path.unlink()
@@ -103,7 +103,7 @@ def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.Mo
 
 
 def renamed(root: Path, old: str, new: str) -> None:
-    """Rename a variant or sensor wherever the folder speaks of it, plan and manifest alike."""
+    """Rename a variant or sensor everywhere in the folder, in plan and manifest."""
     manifest = json.loads((root / "manifest.json").read_text().replace(json.dumps(old), json.dumps(new)))
     for name in manifest["order"]:
         path = f"plans/{name.replace('.', '_')}.json"
@@ -128,7 +128,7 @@ def test_no_name_leads_out_of_the_folder(copy: Path, tmp_path: Path, old: str, n
 
 
 @pytest.mark.parametrize("path", ["/etc/passwd", "../secret", "a/../../b", "a//b", ""])
-def test_no_path_in_the_manifest_leads_out(copy: Path, path: str) -> None:
+def test_no_path_in_the_manifest_leads_out_of_the_folder(copy: Path, path: str) -> None:
     manifest = manifest_of(copy)
     manifest["files"][path] = {"size": 1, "sha256": "0" * 64}
     (copy / "manifest.json").write_text(json.dumps(manifest))
@@ -164,7 +164,7 @@ DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
 
 
 @pytest.mark.parametrize("harm", DAMAGES)
-def test_a_damaged_manifest_is_one_line(copy: Path, harm: Callable[[dict[str, Any]], Any]) -> None:
+def test_a_damaged_manifest_is_an_error_of_one_line(copy: Path, harm: Callable[[dict[str, Any]], Any]) -> None:
     manifest = manifest_of(copy)
     harm(cast(dict[str, Any], manifest))
     (copy / "manifest.json").write_text(json.dumps(manifest))
@@ -174,13 +174,13 @@ def test_a_damaged_manifest_is_one_line(copy: Path, harm: Callable[[dict[str, An
     assert not is_whole(manifest, PLAN, copy)
 
 
-def test_a_bottomless_manifest_is_none(copy: Path) -> None:
+def test_a_deeply_nested_manifest_is_refused(copy: Path) -> None:
     (copy / "manifest.json").write_text('{"a":' * 100_000)
     with pytest.raises(InputError, match="is not a dataset"):
         datasets.read(copy)
 
 
-def test_another_order_than_the_plans_is_refused(copy: Path) -> None:
+def test_a_manifest_in_another_order_than_the_plan_is_refused(copy: Path) -> None:
     first, second = (copy / f"plans/{name}.json" for name in manifest_of(copy)["order"][:2])
     first.write_bytes(second.read_bytes())
     with pytest.raises(InputError, match="is the plan of"):
@@ -205,7 +205,7 @@ def street(**values: Any) -> SensorPlan:
         (street(poses=()), "poses are neither"),
     ],
 )
-def test_a_plan_out_of_bounds_is_refused(sensor: SensorPlan, message: str) -> None:
+def test_a_sensor_out_of_bounds_is_refused(sensor: SensorPlan, message: str) -> None:
     variant = PLAN.variants[0]
     rig = variant.rig.model_copy(update={"sensors": (sensor,)})
     with pytest.raises(InputError, match=message):
@@ -290,7 +290,7 @@ def test_a_forged_text_is_reported_though_the_manifest_matches(copy: Path, path:
         b'["\\ud800"]\n',
     ],
 )
-def test_labels_of_any_kind_are_reported(copy: Path, line: bytes) -> None:
+def test_malformed_labels_are_reported(copy: Path, line: bytes) -> None:
     path = f"{STREET}/labels.jsonl"
     rest = (copy / path).read_bytes().split(b"\n", 1)[1]
     rewrite(copy, path, line + rest)
@@ -332,7 +332,7 @@ def test_removed_digests_are_reported(copy: Path) -> None:
     ]
 
 
-def test_what_is_no_plain_file_is_reported_and_never_opened(copy: Path, tmp_path: Path) -> None:
+def test_links_pipes_and_empty_folders_are_reported_and_never_opened(copy: Path, tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_bytes((copy / "README.md").read_bytes())
     (copy / "README.md").unlink()
@@ -359,7 +359,7 @@ def test_what_is_no_plain_file_is_reported_and_never_opened(copy: Path, tmp_path
     ]
 
 
-def test_a_manifest_that_does_not_add_up_or_of_other_tools_is_not_whole(copy: Path) -> None:
+def test_a_manifest_that_is_inconsistent_or_of_other_tools_is_not_intact(copy: Path) -> None:
     edited, older = manifest_of(copy), manifest_of(copy)
     edited["variants"]["weather=w0,jitter=still"]["frames"]["street"]["rgb"][0] = "0" * 64
     older["tools"]["zlib-ng"] = "0.1"
@@ -372,7 +372,7 @@ def test_a_manifest_that_does_not_add_up_or_of_other_tools_is_not_whole(copy: Pa
     assert not is_whole(manifest_of(copy), PLAN, copy)
 
 
-def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> None:
+def test_only_valid_run_length_codes_reach_pycocotools(built: Path) -> None:
     found = 0
     for line in (built / STREET / "labels.jsonl").read_text().splitlines():
         for record in json.loads(line)["objects"]:
@@ -387,22 +387,22 @@ def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("code", ["1" * (1 << 24), "p" * (1 << 24), "1o" * (1 << 23), "oooooo1" * (1 << 21)])
-def test_codes_of_large_pictures_are_checked_quickly(code: str) -> None:
+def test_run_length_codes_of_large_pictures_are_checked_quickly(code: str) -> None:
     before = time.process_time()
     assert not runs_fill(code, 4096 * 4096)
-    assert time.process_time() - before < 4.0  # a loop over the characters takes ten
+    assert time.process_time() - before < 4.0  # a loop over the characters takes 10 s
 
 
 @settings(deadline=None)
 @given(st.lists(st.integers(0, 3), min_size=42, max_size=42), st.integers(41, 43), st.data())
-def test_a_code_is_accepted_as_pycocotools_writes_it(pixels: list[int], size: int, data: st.DataObject) -> None:
+def test_run_length_codes_of_pycocotools_are_accepted(pixels: list[int], size: int, data: st.DataObject) -> None:
     mask = np.asfortranarray((np.array(pixels).reshape(6, 7) > 1).astype(np.uint8))
     code = pycocotools.mask.encode(mask)["counts"].decode()
     assert runs_fill(code, size) == (size == 42)
     assert not runs_fill(code + data.draw(st.sampled_from("1P")), 42)
 
 
-def test_a_manifest_that_is_a_pipe_or_a_link_is_none(copy: Path) -> None:
+def test_a_manifest_that_is_a_pipe_or_a_link_is_refused(copy: Path) -> None:
     (copy / "manifest.json").rename(copy / "elsewhere.json")
     (copy / "manifest.json").symlink_to("elsewhere.json")
     with pytest.raises(InputError, match="is not a dataset"):
@@ -413,7 +413,7 @@ def test_a_manifest_that_is_a_pipe_or_a_link_is_none(copy: Path) -> None:
         datasets.read(copy)
 
 
-def test_names_that_a_terminal_obeys_are_spelled_out_and_strange_depths_not_entered(copy: Path) -> None:
+def test_control_characters_are_escaped_and_deep_folders_not_entered(copy: Path) -> None:
     (copy / "\x1b[2J").write_bytes(b"")
     (copy / os.fsdecode(b"\xff")).write_bytes(b"")
     deep = copy / "deep"
@@ -427,8 +427,8 @@ def test_names_that_a_terminal_obeys_are_spelled_out_and_strange_depths_not_ente
     ]
 
 
-def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
-    """A manifest lists the digest of any line: what is in it is bounded by the scene and the picture."""
+def test_labels_with_other_fields_or_too_many_values_are_refused(built: Path) -> None:
+    """A manifest can list the digest of any line, so its content is bounded by the scene and the picture."""
     dataset = datasets.read(built)
     variant = dataset.plan.variants[0]
     sensor, actors = variant.rig.sensors[0], instances_of(variant.scene)
@@ -464,7 +464,7 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
             labels_of(body, 0, digest("labels/2", forged), sensor, actors)
 
 
-def test_a_folder_that_is_no_dataset_names_the_nearest(built: Path, tmp_path: Path) -> None:
+def test_a_missing_folder_suggests_the_nearest_name(built: Path, tmp_path: Path) -> None:
     for wrong, what in ((built.parent, "is not a dataset"), (built.with_name("tinny"), "there is no such folder")):
         with pytest.raises(InputError, match=f"{what}.*; did you mean {built}"):
             datasets.read(wrong)
@@ -472,8 +472,8 @@ def test_a_folder_that_is_no_dataset_names_the_nearest(built: Path, tmp_path: Pa
         datasets.read(tmp_path / "zebra")
 
 
-def test_a_dataset_that_may_not_be_read_is_not_called_damaged(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The remedy was to build it again, which cannot help."""
+def test_an_unreadable_dataset_is_not_reported_as_damaged(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Building it again, the remedy for damage, would not help."""
 
     def refuse(root: Path) -> Manifest:
         raise PermissionError(13, "Permission denied", str(root))
