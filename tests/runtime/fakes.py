@@ -1,4 +1,4 @@
-"""A small world without engines: boxes that slide past a camera, drawn by integer arithmetic alone."""
+"""Fake engines: boxes that slide past a camera, rendered by integer arithmetic only."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def appearance_plan(clouds: float = 0.0) -> AppearancePlan:
 
 
 def dataset_plan(frames: int = 12, weathers: int = 2, **outputs: object) -> DatasetPlan:
-    """Two rigs by so many weathers; the second sensor stands still in both rigs."""
+    """Return a plan of two rigs by so many weathers; the second sensor does not move in either rig."""
     scene = scene_plan(frames)
     variants = []
     for w in range(weathers):
@@ -146,7 +146,7 @@ NO_LABELS: LabelledFrame = {
 
 
 class Renderer:
-    """Draws actors as upright rectangles, the nearest over the others."""
+    """Render actors as upright rectangles, the nearest on top."""
 
     def __init__(self, scene: ScenePlan) -> None:
         self._instances = [a.tag * 1000 + a.instance for a in scene.actors]
@@ -155,7 +155,7 @@ class Renderer:
         h, w = camera.height, camera.width
         depth, instance = np.full((h, w), camera.far, np.float32), np.zeros((h, w), np.uint16)
         views = []
-        for n in reversed(range(len(parts))):  # the first stands nearest
+        for n in reversed(range(len(parts))):  # the first is the nearest
             x, y = (float(parts[n][i, 3] - world_from_sensor[i, 3]) for i in (0, 1))
             left, top = int(w / 2 - w / 2 * (y + 0.5) / x), int(h / 2 - w / 2 / x)
             whole = left, top, left + int(w / 2 / x), top + int(w / x)
@@ -194,7 +194,7 @@ class Renderer:
 
 
 class SlowRenderer(Renderer):
-    """So slow that a build can be caught in the middle."""
+    """Slow enough for a build to be interrupted."""
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
         time.sleep(0.05)
@@ -202,7 +202,7 @@ class SlowRenderer(Renderer):
 
 
 class BrokenRenderer(Renderer):
-    """Fails at frame 7, as an engine would."""
+    """Fail at frame 7 as an engine could."""
 
     def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         if frame == 7:
@@ -211,7 +211,7 @@ class BrokenRenderer(Renderer):
 
 
 class DyingRenderer(Renderer):
-    """Takes its whole process with it at frame 7."""
+    """Kill the process at frame 7."""
 
     def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         if frame == 7:
@@ -225,7 +225,7 @@ def _noted(scene: ScenePlan, device: str) -> Renderer:
 
 
 def _noted_simulation(scene: ScenePlan) -> Trace:
-    """Not done before a worker has loaded the scene; if none does, the note records it."""
+    """Simulate after a worker has loaded the scene; if none does in time, record that."""
     note("simulation begins")
     for _ in range(400):
         if "renderer" in Path(os.environ["NOTES"]).read_text().split("\n"):
@@ -236,7 +236,7 @@ def _noted_simulation(scene: ScenePlan) -> Trace:
 
 
 def note(what: str) -> None:
-    """Add a line to the file that NOTES tells."""
+    """Add a line to the file that the variable NOTES names."""
     with Path(os.environ["NOTES"]).open("a") as file:
         file.write(what + "\n")
 
@@ -270,5 +270,5 @@ UNLOADABLE = Engines(simulate, actor_bodies, _unloadable)
 
 
 def tree(root: Path) -> dict[str, bytes]:
-    """Every file below a folder, by its path."""
+    """Return the content of every file below a folder, by its path."""
     return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}

@@ -1,4 +1,4 @@
-"""Run as a process of its own: what a simulation's parent, a worker and the end of a build do with a Trace.
+"""Use a Trace in a new process as the parent of a simulation, a worker and the end of a build do.
 
 Arguments: a folder and a number of frames. Prints the most memory that the process ever held, in KiB.
 """
@@ -23,20 +23,20 @@ ACTORS = 400
 
 
 def peak() -> int:
-    """The most memory that this process held, in KiB; `ru_maxrss` would start at that of the process that forked it."""
+    """Return the peak memory of this process in KiB; `ru_maxrss` would include that of its parent before the fork."""
     status = Path("/proc/self/status").read_text()
     return int(status.partition("VmHWM:")[2].split()[0])
 
 
 def crowd(frames: int) -> ScenePlan:
-    """So many actors that the motion of 2,400 frames takes 80 MiB."""
+    """Return a scene whose actors' motion takes 80 MiB in 2,400 frames."""
     one = scene_plan(frames).actors[0]
     actors = [one.model_copy(update={"name": f"a{n}", "instance": n + 1}) for n in range(ACTORS)]
     return scene_plan(frames).model_copy(update={"actors": tuple(actors)})
 
 
 def simulated(scene: ScenePlan) -> Trace:
-    """Their motion, written frame by frame as `simulate` does."""
+    """Return the actors' motion, written frame by frame as in `simulate`."""
     names = [actor.name for actor in scene.actors]
     writer = TraceWriter(names, [f"{name}/base" for name in names], scene.clock.frames)
     positions, rotations = np.zeros((ACTORS, 3), np.int64), np.zeros((ACTORS, 4), np.int32)
@@ -50,7 +50,7 @@ def simulated(scene: ScenePlan) -> Trace:
 
 
 def main(folder: Path, frames: int) -> None:
-    """Do what every process of a build does with a Trace."""
+    """Use a Trace as each process of a build does."""
     scene = crowd(frames)
     store, sensor = Store(folder), sensor_plan()
     trace = store.trace(scene, lambda: simulated(scene))

@@ -1,4 +1,4 @@
-"""PyBullet's TinyRenderer as an independent renderer: the same bodies, poses and camera, drawn by other code.
+"""PyBullet's TinyRenderer as an independent renderer of the same bodies, poses and camera.
 
 It runs in a fresh process, one for all views of a scene, and passes every argument. Its samples are moved from a
 pixel's corner to its centre. `depth` is metres along the optical axis; `instance` holds class * 1000 + instance of
@@ -26,7 +26,7 @@ _BATCH = 2500  # triangles in one visual shape; larger ones overflow PyBullet's 
 
 @dataclass(frozen=True)
 class TinyView:
-    """A frame of the Trace and a camera at a pose, [3, 4] world from sensor."""
+    """A frame of the Trace and a camera with its world-from-sensor transform [3, 4]."""
 
     frame: int
     camera: CameraPlan
@@ -36,7 +36,7 @@ class TinyView:
 def tiny_render(
     scene: ScenePlan, trace: Trace, views: Sequence[TinyView], within: float = 60.0
 ) -> list[dict[str, NDArray[Any]]]:
-    """`depth` [H, W] float32 and `instance` [H, W] int32 of each view.
+    """Return `depth` [H, W] float32 and `instance` [H, W] int32 of each view.
 
     Only the town's elements whose middle lies within that many metres of some view's camera are drawn, for speed.
     """
@@ -51,7 +51,7 @@ def tiny_render(
     )
     if done.returncode:
         raise AssertionError(done.stderr.decode()[-2000:])
-    start = done.stdout.index(b"PK\x03\x04")  # after PyBullet's build line
+    start = done.stdout.index(b"PK\x03\x04")  # after the line that PyBullet prints on import
     with np.load(io.BytesIO(done.stdout[start:])) as arrays:
         return [{name: arrays[f"{name}{n}"] for name in ("depth", "instance")} for n in range(len(views))]
 
@@ -77,7 +77,7 @@ def _serve(source: IO[bytes], answer: IO[bytes]) -> None:
     ids: dict[int, int] = {}
 
     def put(mesh: Mesh, instance: int) -> list[int]:
-        """The bodies of a mesh, without its surfaces: only its shape is looked at."""
+        """Create the bodies of a mesh, without its surfaces."""
         made = []
         for start in range(0, len(mesh.triangles), _BATCH):
             index = mesh.triangles[start : start + _BATCH].reshape(-1)
@@ -115,7 +115,7 @@ def _serve(source: IO[bytes], answer: IO[bytes]) -> None:
 
 
 def _drawn(engine: Any, view: TinyView) -> tuple[NDArray[np.float64], NDArray[np.int_]]:
-    """Depth in metres and PyBullet's segmentation mask."""
+    """Return depth in metres and PyBullet's segmentation mask."""
     camera, sensor = view.camera, view.world_from_sensor
     eye, forward, up = sensor[:, 3], sensor[:, 0], sensor[:, 2]
     near, far = camera.near, min(camera.far, 1000.0)

@@ -1,4 +1,4 @@
-"""The Python examples of README and the pages run as they stand, on recipes that differ in their size alone."""
+"""The Python examples of README and docs run unchanged, on smaller recipes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def small_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", ["README.md", "docs/python.md"])
 def test_an_example_runs_unchanged(page: str) -> None:
-    """That of docs/python.md asked for frame 40 of 31, and raised IndexError."""
+    """Regression: the example of docs/python.md used frame 40 of 31, and raised IndexError."""
     known: dict[str, object] = {}
     exec(examples(page)[0], known)
     picture, metres = known["picture"], known["metres"]
@@ -60,7 +60,7 @@ def test_an_example_runs_unchanged(page: str) -> None:
 
 @pytest.mark.slow
 def test_the_example_of_a_patch_view_runs_unchanged() -> None:
-    """Its `image` and `goal` were not defined. A step against the gradient brings the picture nearer to the goal."""
+    """A step against the gradient must bring the picture nearer to the goal."""
     known: dict[str, Any] = {}
     exec(examples("docs/attacks.md")[0], known)
     image, goal, view, values = (known[name] for name in ("image", "goal", "view", "values"))
@@ -72,7 +72,7 @@ def test_the_example_of_a_patch_view_runs_unchanged() -> None:
 
 @pytest.mark.slow
 def test_the_recipe_of_a_painted_car_shows_its_paint(tmp_path: Path) -> None:
-    """One page is enough to paint a car: the recipe is complete, and any size of image will do."""
+    """The recipe on the page is complete, and works with an image of any size."""
     page = (ROOT / "docs/attacks.md").read_text(encoding="utf-8")
     (text,) = re.findall(r"^    recipe: painted\n(?:    .*\n)*", page, re.MULTILINE)
     (tmp_path / "painted.yaml").write_text(smaller(textwrap.dedent(text), [CAMERA]), encoding="utf-8")

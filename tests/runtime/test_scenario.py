@@ -1,4 +1,4 @@
-"""A recipe opened in Python gives what a build writes, whatever is asked for first, and in whatever process."""
+"""A recipe opened in Python gives the files of a build, in any order of frames and in any process."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ RAIN = "weather=rain"
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The smallest real dataset."""
+    """Return the smallest dataset made by the real engines."""
     return build(compiled(TINY), tmp_path_factory.mktemp("built") / "tiny").path
 
 
 def _read(path: Path) -> NDArray[np.generic]:
-    """A PNG by Pillow, a reader that is not ours."""
+    """Read a PNG with Pillow, an independent reader."""
     with Image.open(path) as picture:
         return np.array(picture)
 
@@ -44,7 +44,7 @@ def _read(path: Path) -> NDArray[np.generic]:
 def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
     scenario = recipe_runtime.open(TINY, RAIN)
     assert (len(scenario), scenario.sensors) == (4, ("street", "dash"))
-    for frame in (3, 0, 2):  # not the build's order
+    for frame in (3, 0, 2):  # not in the build's order
         for sensor in reversed(scenario.sensors):
             for modality in reversed(scenario.modalities(sensor)):
                 ours = scenario.render(frame, sensor, modality)
@@ -64,8 +64,8 @@ def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("use_streams", [False, True])
-def test_a_stream_gives_what_is_rendered_one_by_one(use_streams: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also by the way of a GPU, which draws many frames at once: here on the CPU."""
+def test_a_stream_equals_frames_rendered_one_by_one(use_streams: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This includes the frame stream for GPUs, run on the CPU here."""
     scenario, again = recipe_runtime.open(TINY, RAIN), recipe_runtime.open(TINY, RAIN)
     monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "use_streams", use_streams)
     for sensor in scenario.sensors:
@@ -81,7 +81,7 @@ def test_a_stream_gives_what_is_rendered_one_by_one(use_streams: bool, monkeypat
 @pytest.mark.slow
 @pytest.mark.parametrize("use_streams", [False, True])
 def test_two_streams_at_once_do_not_mix(use_streams: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pairs of frames that follow one another, as flow wants them."""
+    """Optical flow reads pairs of consecutive frames, for example."""
     scenario = recipe_runtime.open(TINY, RAIN)
     monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "use_streams", use_streams)
     for (n, one), (m, other) in zip(scenario.stream(frames=range(3)), scenario.stream(frames=range(1, 4)), strict=True):
@@ -109,7 +109,7 @@ def test_frames_are_a_sequence() -> None:
             scenario.render(value)  # type: ignore[arg-type]
 
 
-def test_what_is_not_there_is_said_with_what_is() -> None:
+def test_errors_for_unknown_names_list_the_valid_ones() -> None:
     scenario = _fake()
     with pytest.raises(InputError, match="no sensor 'roof'; it has street"):
         scenario.render(0, "roof")
@@ -119,7 +119,7 @@ def test_what_is_not_there_is_said_with_what_is() -> None:
         recipe_runtime.open(TINY, "weather=rains")
 
 
-def test_an_array_is_the_callers_to_change() -> None:
+def test_the_caller_can_change_returned_arrays() -> None:
     scenario = _fake()
     first = scenario.render(1, modality="instance")
     before = first.copy()
@@ -127,14 +127,14 @@ def test_an_array_is_the_callers_to_change() -> None:
     np.testing.assert_array_equal(scenario.render(1, modality="instance"), before)
 
 
-def test_a_scenario_travels_to_another_process() -> None:
+def test_a_scenario_can_be_pickled() -> None:
     scenario = _fake()
     expected = scenario.render(2)
     sent: Scenario = pickle.loads(pickle.dumps(scenario))
     np.testing.assert_array_equal(sent.render(2), expected)
 
 
-def test_a_forked_process_makes_engines_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_forked_process_creates_its_own_engines(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
 
     def renderer(scene: ScenePlan, device: str) -> SceneRenderer:
@@ -147,12 +147,12 @@ def test_a_forked_process_makes_engines_of_its_own(monkeypatch: pytest.MonkeyPat
     scenario.render(0)
     scenario.render(1)
     assert len(made) == 1
-    monkeypatch.setattr(os, "getpid", lambda: -1)  # as a fork sees it
+    monkeypatch.setattr(os, "getpid", lambda: -1)  # as after a fork
     scenario.render(2)
     assert made[1:] == [-1]
 
 
-def test_the_disk_cache_is_read_and_damage_in_it_is_not(tmp_path: Path) -> None:
+def test_the_disk_cache_is_used_except_for_damaged_entries(tmp_path: Path) -> None:
     expected = _fake().render(3)
     _fake(disk_cache=tmp_path).render(3)
     (entry,) = tmp_path.glob("pixels/*/*")
@@ -170,7 +170,7 @@ def test_the_disk_cache_is_read_and_damage_in_it_is_not(tmp_path: Path) -> None:
     assert entry.read_bytes() == body
 
 
-def test_the_disk_cache_tells_weathers_apart_and_shares_labels(tmp_path: Path) -> None:
+def test_the_disk_cache_separates_weathers_and_shares_labels(tmp_path: Path) -> None:
     plan = dataset_plan(frames=6, weathers=2)
     first, second = (Scenario(v, Scenes(engines=ENGINES), tmp_path) for v in (plan.variants[0], plan.variants[2]))
     for scenario in (first, second):
@@ -182,17 +182,17 @@ def test_the_disk_cache_tells_weathers_apart_and_shares_labels(tmp_path: Path) -
 
 @pytest.fixture(scope="module")
 def wanted() -> list[NDArray[np.generic]]:
-    """The frames of a scenario that was never stopped."""
+    """Return the frames of a scenario without interruption."""
     with recipe_runtime.open(TINY, variant=RAIN) as fresh:
         return [fresh.render(frame) for frame in range(4)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("before", [4, 16, 28, 40])
-def test_a_frame_that_is_stopped_takes_its_renderer_along(
+def test_an_interrupted_frame_discards_its_renderer(
     wanted: list[NDArray[np.generic]], before: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a renderer keeps from frame to frame may be half made then, so nothing of it is believed any more."""
+    """The renderer's caches may then be incomplete, so it must not be used again."""
     from recipe_runtime.render.device.setup import wp
 
     launch, launches = wp.launch, 0

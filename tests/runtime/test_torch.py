@@ -1,4 +1,4 @@
-"""The PyTorch dataset: every frame in any order, in any worker, has the pixels of the recipe. `make test-torch`."""
+"""The PyTorch dataset has the pixels of the recipe, in any order and in any worker. `make test-torch`."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_samples_are_the_recipes_frames(dataset_class: Any) -> None:
         dataset[24]
 
 
-def test_tensors_have_the_types_that_are_promised(dataset_class: Any) -> None:
+def test_tensors_have_the_documented_types(dataset_class: Any) -> None:
     sample = dataset_class(TINY, sensors=["street"], variants=["weather=noon"], target=True)[1]
     assert (sample["rgb"].dtype, tuple(sample["rgb"].shape)) == (torch.uint8, (3, 72, 96))
     assert (sample["depth"].dtype, tuple(sample["depth"].shape)) == (torch.float32, (72, 96))
@@ -59,8 +59,8 @@ def test_tensors_have_the_types_that_are_promised(dataset_class: Any) -> None:
     assert len(target["boxes"]) > 0
 
 
-def test_boxes_are_those_of_pycocotools(dataset_class: Any) -> None:
-    """x0, y0, x1, y1 are COCO's x, y, width, height of the masks, by the outer edges of their pixels."""
+def test_boxes_equal_those_of_pycocotools(dataset_class: Any) -> None:
+    """x0, y0, x1, y1 follow from COCO's x, y, width, height of the masks, by the outer edges of the pixels."""
     sample = dataset_class(TINY, sensors=["street"], variants=["weather=noon"], target=True)[1]
     boxes, instances = sample["target"]["boxes"], sample["target"]["instances"]
     masks = sample["instance"][..., None] == instances
@@ -76,7 +76,7 @@ def test_boxes_are_those_of_pycocotools(dataset_class: Any) -> None:
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 def test_loader_workers_render_the_same(dataset_class: Any, context: str) -> None:
     dataset = dataset_class(TINY, sensors=["dash"], modalities=["rgb", "instance"])
-    expected = [dataset[k]["rgb"] for k in range(len(dataset))]  # engines are warm in this process before the fork
+    expected = [dataset[k]["rgb"] for k in range(len(dataset))]  # this process has engines before the fork
     loader = torch.utils.data.DataLoader(
         dataset, batch_size=5, num_workers=2, multiprocessing_context=context, shuffle=False
     )
@@ -85,7 +85,7 @@ def test_loader_workers_render_the_same(dataset_class: Any, context: str) -> Non
     assert torch.equal(torch.cat([batch["rgb"] for batch in batches]), torch.stack(expected))
 
 
-def test_a_cached_dataset_equals_a_fresh_one(dataset_class: Any, tmp_path: Path) -> None:
+def test_a_cached_dataset_equals_an_uncached_one(dataset_class: Any, tmp_path: Path) -> None:
     options: dict[str, Any] = {"variants": ["weather=rain"], "sensors": ["dash"]}
     first = [s["rgb"] for s in _all(dataset_class(TINY, disk_cache=tmp_path, **options))]
     again = [s["rgb"] for s in _all(dataset_class(TINY, disk_cache=tmp_path, **options))]
@@ -96,7 +96,7 @@ def _all(dataset: Any) -> Iterator[Any]:
     return (dataset[k] for k in range(len(dataset)))
 
 
-def test_names_that_are_not_there_are_refused_at_once(dataset_class: Any) -> None:
+def test_unknown_names_are_refused_at_once(dataset_class: Any) -> None:
     with pytest.raises(InputError, match="no variant"):
         dataset_class(TINY, variants=["weather=snow"])
     with pytest.raises(InputError, match="no sensor 'roof'"):
@@ -107,6 +107,6 @@ def test_names_that_are_not_there_are_refused_at_once(dataset_class: Any) -> Non
         dataset_class(compiled(TINY), modalities=["depth"])
 
 
-def test_a_slow_sensor_has_the_samples_of_the_frames_that_it_takes(dataset_class: Any) -> None:
+def test_a_slow_sensor_has_samples_of_its_captured_frames_only(dataset_class: Any) -> None:
     places = [dataset_class(SLOW, variants=["weather=w0,jitter=still"])._at(index)[1:] for index in range(15)]
     assert places == [("street", k) for k in (0, 5, 10)] + [("side", k) for k in range(12)]

@@ -1,4 +1,4 @@
-"""The decoder for exported shards gives files as the dataset has them, and the page's example uses it as it stands."""
+"""The decoder for exported shards returns the dataset's values, and the example of the page runs unchanged."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ QUIET = pytest.mark.filterwarnings(
 
 
 def plan_of(**outputs: str) -> DatasetPlan:
-    """One camera, which captures everything."""
+    """Return a plan of one camera that captures every modality."""
     plan = dataset_plan(frames=4, weathers=1)
     (variant, _) = plan.variants
     rig = variant.rig.model_copy(update={"sensors": (sensor_plan("street", frames=4),)})
@@ -49,7 +49,7 @@ def exported(plan: DatasetPlan, folder: Path, count: int = 4) -> Dataset:
 @pytest.mark.slow
 @QUIET
 @pytest.mark.parametrize("depth", ["carla", "npy"])
-def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth: str) -> None:
+def test_decoded_frames_equal_the_rendered_ones(tmp_path: Path, depth: str) -> None:
     plan = plan_of(depth=depth)
     exported(plan, tmp_path)
     tars = [str(path) for path in sorted(tmp_path.glob("shards/*/*.tar"))]
@@ -75,7 +75,7 @@ def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth
 @pytest.mark.slow
 @QUIET
 def test_the_pages_example_runs_unchanged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    exported(plan_of(), tmp_path, 1)  # as of the page's command: the dataset is smaller than a shard
+    exported(plan_of(), tmp_path, 1)  # as for the page's command: the dataset is smaller than a shard
     (example,) = (code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "webdataset" in code)
     monkeypatch.chdir(tmp_path)
     known: dict[str, object] = {}
@@ -91,12 +91,12 @@ def test_the_pages_example_runs_unchanged(tmp_path: Path, monkeypatch: pytest.Mo
     gc.collect()
 
 
-def test_other_files_are_left_to_other_decoders() -> None:
+def test_other_files_are_not_decoded() -> None:
     for key in (".txt", ".rgb.jpg", ".mask.png", ".cls", ".points.npy", ".meta.json"):
         assert decode(key, b"anything") is None
 
 
-def test_it_can_be_sent_to_workers() -> None:
+def test_the_decoder_can_be_pickled() -> None:
     assert pickle.loads(pickle.dumps(decode)) is decode
 
 
@@ -124,6 +124,6 @@ GREY = codecs.png(np.zeros((2, 3), np.uint8))
         (".depth.npy", HUGE),
     ],
 )
-def test_what_is_damaged_or_of_another_kind_is_an_error(key: str, data: bytes) -> None:
+def test_damaged_files_and_other_types_are_errors(key: str, data: bytes) -> None:
     with pytest.raises(ValueError):
         decode(key, data)

@@ -1,4 +1,4 @@
-"""Where frames are rendered: names are checked before work, and on a CUDA GPU the bytes are those of a CPU."""
+"""Devices: their names are checked before work begins, and a CUDA GPU renders the bytes of a CPU."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from tests.sources import ROOT
 GOLDEN = ROOT / "tests" / "golden"
 
 
-def test_the_processor_is_always_there() -> None:
+def test_the_cpu_is_always_available() -> None:
     assert devices("cpu") == ("cpu",)
 
 
 @pytest.mark.parametrize("name", ["gpu", "cuda:", "cuda:x", "CUDA", "cuda:-1", "", "cuda:0;rm"])
-def test_what_is_no_device_is_refused(name: str) -> None:
+def test_an_unknown_device_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=r"there is no device .*; write cpu, cuda"):
         devices(name)
 
 
-def test_gpus_that_are_not_there_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_absent_gpus_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device_module, "cuda_devices", lambda: [])
     with pytest.raises(InputError, match="device cuda:0: there is no CUDA GPU here"):
         devices("cuda:0")
@@ -43,13 +43,13 @@ def test_gpus_that_are_not_there_are_refused(monkeypatch: pytest.MonkeyPatch) ->
         devices("cuda:2")
 
 
-def test_workers_share_out_the_devices(tmp_path: Path) -> None:
+def test_workers_are_distributed_over_the_devices(tmp_path: Path) -> None:
     job = Job(dataset_plan(), ENGINES, ("cuda:0", "cuda:1"), tmp_path, None)
     assert [Worker(job, number)._device for number in range(5)] == ["cuda:0", "cuda:1", "cuda:0", "cuda:1", "cuda:0"]
 
 
 @pytest.mark.gpu
-def test_a_gpu_renders_the_processors_bytes() -> None:
+def test_a_gpu_renders_the_bytes_of_the_cpu() -> None:
     """Every frame of the golden recipe: every variant, sensor and modality, and the labels."""
     plan, store = compiled(GOLDEN / "tiny.yaml"), Store()
     for variant in plan.variants:
@@ -66,7 +66,7 @@ def test_a_gpu_renders_the_processors_bytes() -> None:
 
 
 @pytest.mark.gpu
-def test_a_lockfile_of_a_processor_verifies_on_a_gpu() -> None:
+def test_a_lockfile_of_a_cpu_passes_verification_on_a_gpu() -> None:
     plan, lock = compiled(GOLDEN / "tiny.yaml"), read(GOLDEN / "lockfiles" / "tiny.lock")
     options = Options(nonce=1, everything=True, workers=0, device="cuda:0")
     report = verify(plan, lock, options, lambda *_: None, files=lock.files)

@@ -1,4 +1,4 @@
-"""Sensors in a real scene: the compiler's arms and routes, a simulated walk, and what the pictures show."""
+"""Moving sensors in a simulated scene: the pictures fit the compiler's arms and routes."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ def source(walk: ScenarioPlan) -> SceneSource:
 
 
 def test_an_actors_origin_is_near_the_ground(source: SceneSource) -> None:
-    """The arm's start, so many metres above it, is therefore in the middle of a person. Walking moves it a little."""
+    """So the arm's start, at a height above it, is at the centre of the person; walking moves it slightly."""
     heights = source.trace.positions[:, source.trace.base_part("hero"), 2] / METRE
     assert np.abs(heights - 0.15).max() < 0.07  # on a sidewalk
 
 
 @pytest.mark.parametrize("name", ["arm", "side"])
-def test_the_actor_is_in_the_middle_of_the_picture(walk: ScenarioPlan, source: SceneSource, name: str) -> None:
+def test_the_actor_is_at_the_centre_of_the_picture(walk: ScenarioPlan, source: SceneSource, name: str) -> None:
     (sensor,) = (s for s in walk.rig.sensors if s.name == name)
     (hero,) = walk.scene.actors
     for frame in (0, 15, 30):
@@ -72,9 +72,7 @@ def test_the_actor_is_in_the_middle_of_the_picture(walk: ScenarioPlan, source: S
         assert seen.instance[23:26, 31:33].max() == hero.tag * 1000 + hero.instance
 
 
-def test_a_follower_comes_nearer_before_a_building_and_keeps_its_distance_without(
-    walk: ScenarioPlan, source: SceneSource
-) -> None:
+def test_a_follower_comes_nearer_only_in_front_of_a_building(walk: ScenarioPlan, source: SceneSource) -> None:
     rig = {sensor.name: sensor for sensor in walk.rig.sensors}
     origin = source.trace.positions[10, source.trace.base_part("hero")] / METRE
     far, near = (sensor_transform(rig[name], source.trace, 10)[:, 3] - origin for name in ("through", "side"))
@@ -83,8 +81,8 @@ def test_a_follower_comes_nearer_before_a_building_and_keeps_its_distance_withou
     assert np.cross(near - [0, 0, PIVOT], far - [0, 0, PIVOT]) == pytest.approx([0, 0, 0], abs=1e-5)
 
 
-def test_all_modalities_of_a_shaken_sensor_see_from_one_pose(walk: ScenarioPlan, source: SceneSource) -> None:
-    """The actor's pixels are the same in every label, and the middle of the picture moves."""
+def test_all_modalities_of_a_shaken_sensor_have_one_pose(walk: ScenarioPlan, source: SceneSource) -> None:
+    """The actor's pixels are the same in every label, and the centre of the picture moves."""
     sensor, places = walk.rig.sensors[3], set()
     (hero,) = walk.scene.actors
     for frame in range(4):

@@ -1,7 +1,7 @@
-"""PyBullet's TinyRenderer, an independent witness, sees what we see: the same masks and the same depth.
+"""Masks and depth agree with those of PyBullet's TinyRenderer, an independent renderer.
 
-It checks more than the rasteriser. The meshes are handed to it as they are, the poses as a Trace has them, and the
-camera as a plan has it: a flipped axis, a Trace one frame late or half a pixel of offset would show here.
+This checks more than the rasteriser: TinyRenderer gets the meshes, the poses of the Trace and the camera of the plan,
+so a flipped axis, a Trace that is one frame late or an offset of half a pixel would fail.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from recipe_runtime.simulation.process import simulate
 from tests.runtime.oracle_tiny import TinyView, tiny_render
 from tests.sources import ROOT
 
-LARGE = 1000  # pixels from which a mask is judged alone
-IOU = 0.995  # half a pixel's offset would already cost a pedestrian of 5000 pixels six parts in a hundred
-NEARNESS = 2e-5  # of 1 / depth, in 1/m: the corners' grid of 1/256 pixel, and TinyRenderer's single precision
+LARGE = 1000  # pixels; smaller masks are not compared
+IOU = 0.995  # an offset of half a pixel would reduce the IoU of a pedestrian of 5000 pixels by 0.06
+NEARNESS = 2e-5  # of 1 / depth, in 1/m: from the corners' grid of 1/256 pixel and TinyRenderer's single precision
 SHARE = 0.999  # of the pixels away from edges
 
 # A sedan behind a van behind a bus, and people before, between and behind them; all move.
@@ -68,7 +68,7 @@ base:
 
 LISTING_FRAMES = {97: {"hero2"}, 150: {"hero1", "hero2"}, 203: {"hero1", "hero2"}}
 
-# Sensor, frame, the objects of many pixels, and those in view that are partly behind others.
+# Sensor, frame, the large objects, and the partly hidden objects in view.
 STREET_VIEWS: list[tuple[str, int, set[str], set[str]]] = [
     ("across", 0, {"bus", "van", "near"}, set()),
     ("across", 12, {"bus", "van", "near"}, {"far"}),
@@ -79,8 +79,8 @@ STREET_VIEWS: list[tuple[str, int, set[str], set[str]]] = [
 ]
 
 
-class Witnessed:
-    """A scene, and what TinyRenderer sees of it: all views drawn by one process."""
+class ComparedScene:
+    """A scene, and TinyRenderer's views of it, rendered by one process."""
 
     def __init__(self, scenario: ScenarioPlan, wanted: list[tuple[str, int]]) -> None:
         scene = scenario.scene
@@ -96,38 +96,38 @@ class Witnessed:
 
 
 @pytest.fixture(scope="module")
-def listing() -> Witnessed:
-    """The paper's listing, as it is."""
+def listing() -> ComparedScene:
+    """Return the paper's listing without changes."""
     plan = compile_recipe(ROOT / "recipes" / "paper" / "two_pedestrians.yaml").plan.variants[0]
-    return Witnessed(plan, [("street", frame) for frame in LISTING_FRAMES])
+    return ComparedScene(plan, [("street", frame) for frame in LISTING_FRAMES])
 
 
 @pytest.fixture(scope="module")
-def street(tmp_path_factory: pytest.TempPathFactory) -> Witnessed:
+def street(tmp_path_factory: pytest.TempPathFactory) -> ComparedScene:
     path = tmp_path_factory.mktemp("oracle") / "recipe.yaml"
     path.write_text(STREET)
     views = [(sensor, frame) for sensor, frame, _, _ in STREET_VIEWS]
-    return Witnessed(compile_recipe(path).plan.variants[0], views)
+    return ComparedScene(compile_recipe(path).plan.variants[0], views)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", LISTING_FRAMES)
-def test_the_papers_listing(listing: Witnessed, frame: int, tmp_path: Path) -> None:
-    large, _ = judge(listing, "street", frame, tmp_path)
+def test_the_papers_listing(listing: ComparedScene, frame: int, tmp_path: Path) -> None:
+    large, _ = compare(listing, "street", frame, tmp_path)
     assert large == LISTING_FRAMES[frame]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("sensor", "frame", "large", "hidden"), STREET_VIEWS)
 def test_vehicles_and_what_hides_them(
-    street: Witnessed, sensor: str, frame: int, large: set[str], hidden: set[str], tmp_path: Path
+    street: ComparedScene, sensor: str, frame: int, large: set[str], hidden: set[str], tmp_path: Path
 ) -> None:
-    """`hidden` are in view and partly behind each other."""
-    assert judge(street, sensor, frame, tmp_path) == (large, hidden)
+    """`hidden` are the objects in view that partly occlude each other."""
+    assert compare(street, sensor, frame, tmp_path) == (large, hidden)
 
 
-def judge(scene: Witnessed, sensor: str, frame: int, folder: Path) -> tuple[set[str], set[str]]:
-    """Compare masks and depth of a frame with TinyRenderer's; which objects were large, and which partly hidden."""
+def compare(scene: ComparedScene, sensor: str, frame: int, folder: Path) -> tuple[set[str], set[str]]:
+    """Compare masks and depth of a frame with TinyRenderer's; return the large and the partly hidden objects."""
     seen = scene.source.observe(scene.sensors[sensor], frame)
     theirs, names = scene.theirs[sensor, frame], scene.names
     masks = {names[int(i)]: (seen.instance == i, theirs["instance"] == i) for i in np.unique(seen.instance) if i}
@@ -143,12 +143,12 @@ def judge(scene: Witnessed, sensor: str, frame: int, folder: Path) -> tuple[set[
 
 
 def overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
-    """Intersection over union."""
+    """Return the intersection over union."""
     return float((a & b).sum() / (a | b).sum())
 
 
 def inner(instance: NDArray[np.uint16], depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Pixels on a surface that goes on smoothly in all four directions: 1 / depth is linear on a plane."""
+    """Return the mask of pixels inside a smooth surface: 1 / depth is linear in both directions."""
     near = 1.0 / depth.astype(float)
     flat = np.zeros(depth.shape, bool)
     bend_x = np.abs(near[1:-1, 2:] + near[1:-1, :-2] - 2 * near[1:-1, 1:-1])

@@ -1,4 +1,4 @@
-"""The studio: a body fills its picture, and a rider is one object with two tags."""
+"""Portraits of blueprints: a body fills its picture, and a rider is one object with two tags."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from recipe_runtime.render.renderer import Renderer
 
 @pytest.mark.parametrize("name", ["vehicle.bus.city", "vehicle.bicycle.child", "walker.pedestrian.0013"])
 def test_a_portrait_shows_the_whole_body(name: str) -> None:
-    """Paper by paper: the outermost pixels are ground and sky, whatever the size of the body."""
+    """The outermost pixels are ground and sky for bodies of any size."""
     actor, look = specimen(match(name)[0])
     view = Viewpoint(width=120, height=90)
     with_body = portrait(actor, look, view).astype(int)
@@ -38,4 +38,4 @@ def test_a_rider_is_one_object_with_two_tags(name: str, tag: int) -> None:
     assert tags.tolist() == [13, tag]
     assert counts.min() > 300
     assert [view.instance for view in seen.objects] == [tag * 1000 + 1]
-    assert mots_id(tag * 1000 + 1) == 10_000  # MOTS knows no two-wheelers: a region to ignore
+    assert mots_id(tag * 1000 + 1) == 10_000  # MOTS has no class for two-wheelers, so it is an ignore region

@@ -1,4 +1,4 @@
-"""`recipe shot`: the pixels of the full build from no more simulation and no more meshes than the frame needs."""
+"""`recipe shot` has the pixels of the full build, and simulates only up to its frame."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ from tests.runtime.fakes import ENGINES, dataset_plan, simulate
 
 Parts = tuple[tuple[str, Mesh], ...]
 FRAMES = 12
-SCENARIO = dataset_plan(frames=FRAMES, weathers=1).variants[1]  # the shaky one: its sensor has a pose a frame
+SCENARIO = dataset_plan(frames=FRAMES, weathers=1).variants[
+    1
+]  # the shaky one: its sensor has another pose in each frame
 
 
 class Counting:
-    """Engines that note how many frames each simulation has."""
+    """Engines that record how many frames each simulation has."""
 
     def __init__(self) -> None:
         self.simulated: list[int] = []
@@ -46,17 +48,17 @@ class Counting:
 
 @given(frame=st.integers(0, FRAMES - 1), modality=st.sampled_from(["rgb", "depth", "instance", "semantic"]))
 @settings(max_examples=20, deadline=None)
-def test_a_shot_is_the_frame_of_the_full_build_and_simulates_no_further(frame: int, modality: str) -> None:
+def test_a_shot_equals_the_frame_of_the_build_and_simulates_no_further(frame: int, modality: str) -> None:
     counting = Counting()
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
         made = [shot(SCENARIO, "street", frame, modality, engines=counting.engines, store=store) for _ in range(2)]
     whole = FrameSource(SCENARIO, simulate(SCENARIO.scene), engines=ENGINES).render("street", frame)[modality]
     assert all(np.array_equal(one.pixels, whole) for one in made)
-    assert counting.simulated == [max(frame, 1) + 1]  # the second shot took it from the store
+    assert counting.simulated == [max(frame, 1) + 1]  # the second shot used the stored Trace
 
 
-def test_a_whole_trace_in_the_store_is_used_and_none_is_taken_for_it(tmp_path: Path) -> None:
+def test_a_stored_full_trace_is_used_and_a_shorter_one_is_not_stored_as_full(tmp_path: Path) -> None:
     counting, store = Counting(), Store(tmp_path)
     shot(SCENARIO, frame=4, engines=counting.engines, store=store)
     assert not store.has_trace(SCENARIO.scene)
@@ -66,7 +68,7 @@ def test_a_whole_trace_in_the_store_is_used_and_none_is_taken_for_it(tmp_path: P
 
 
 @given(frames=st.integers(1, 2 * FRAMES))
-def test_the_first_frames_of_a_scene_are_a_scene_of_their_own(frames: int) -> None:
+def test_the_first_frames_of_a_scene_have_their_own_digest(frames: int) -> None:
     scene = SCENARIO.scene
     part = scene.first(frames)
     assert part.clock.frames == min(frames, FRAMES)
@@ -81,10 +83,10 @@ def test_a_shot_reports_simulation_and_rendering(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_the_command_shows_progress_but_for_programs(
+def test_the_command_shows_progress_except_with_json(
     as_json: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A shot of a late frame was silent for as long as the simulation took."""
+    """Regression: a shot of a late frame printed nothing during the simulation."""
     from click.testing import CliRunner
     from recipe_cli.commands import shot as module
     from recipe_cli.progress import Progress
@@ -116,7 +118,7 @@ def test_the_command_shows_progress_but_for_programs(
     assert stages == [("simulate", as_json), ("render", as_json), ("render", as_json)]
 
 
-def test_a_failure_to_load_is_that_of_the_shot(tmp_path: Path) -> None:
+def test_an_error_while_loading_the_scene_is_the_error_of_the_shot(tmp_path: Path) -> None:
     def broken(scene: ScenePlan, device: str) -> NoReturn:
         raise ArithmeticError("the scene has no ground")
 
@@ -124,8 +126,8 @@ def test_a_failure_to_load_is_that_of_the_shot(tmp_path: Path) -> None:
         shot(SCENARIO, engines=replace(ENGINES, renderer=broken), store=Store(tmp_path))
 
 
-def test_actors_meshes_are_built_once_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A renderer and an annotator each built the meshes of all actors, alike ones too: 62 times for 31 actors."""
+def test_meshes_of_actors_are_built_once_per_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: renderer and annotator each built the meshes of all actors, 62 times for 31 actors."""
     from recipe_compiler.library.blueprints import match
     from recipe_runtime.core.asset_files import Assets
 
@@ -151,6 +153,6 @@ def test_actors_meshes_are_built_once_a_shape(monkeypatch: pytest.MonkeyPatch) -
     scene = SCENARIO.scene.model_copy(update={"actors": cast})
     bodies = meshes.scene_bodies(scene, Assets())
     assert [body.parts for body in engines.real_engines().actors(scene)] == [body.parts for body in bodies]
-    assert sorted(built) == ["pedestrian_parts", "vehicle_parts", "vehicle_parts"]  # a parked car's lamps are dark
+    assert sorted(built) == ["pedestrian_parts", "vehicle_parts", "vehicle_parts"]  # the lamps of a parked car are off
     assert bodies[0].parts[0][1] is bodies[1].parts[0][1]
     assert not bodies[0].parts[0][1].vertices.flags.writeable

@@ -1,4 +1,4 @@
-"""What `recipe init` writes shows what its description says: people and cars, in the first frame and in the last."""
+"""The recipe of `recipe init` shows people and cars, as its description says, in the first and in the last frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from recipe_compiler.schema import template
 
 @pytest.mark.slow
 def test_the_template_shows_people_and_cars_from_the_first_frame_to_the_last(tmp_path: Path) -> None:
-    """A first picture of an empty street, or of cars behind the camera, is a newcomer's first doubt."""
+    """Users see this picture first; an empty street would suggest an error."""
     path = tmp_path / "first.yaml"
     text = template("first")
     assert "width: 800, height: 600" in text
@@ -22,8 +22,8 @@ def test_the_template_shows_people_and_cars_from_the_first_frame_to_the_last(tmp
     for frame in (0, len(scenario) // 2, len(scenario) - 1):
         seen, sizes = np.unique(scenario.render(frame, modality="instance"), return_counts=True)
         clear = [int(instance) // 1000 for instance, size in zip(seen, sizes, strict=True) if size >= 60]
-        assert clear.count(12) >= 2, f"frame {frame}: people that can be made out"
-        assert clear.count(14) >= 1, f"frame {frame}: cars that can be made out"
+        assert clear.count(12) >= 2, f"frame {frame}: people large enough to be recognised"
+        assert clear.count(14) >= 1, f"frame {frame}: cars large enough to be recognised"
     hero = next(a for a in scenario.plan.scene.actors if a.name == "hero")
     (blueprint,) = match(hero.blueprint)
     assert blueprint.attributes["generation"] == "adult"

@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 
 
 def smooth(height: int, width: int, seed: int, blur: int) -> NDArray[np.uint8]:
-    """A random image without detail finer than about `blur` texels, uint8 [height, width, 3]."""
+    """Return a random image without detail finer than about `blur` texels, uint8 [height, width, 3]."""
     values = np.random.default_rng(seed).uniform(-600, 855, (height, width, 3))
     for axis in (0, 1):
         for _ in range(2):
@@ -19,7 +19,7 @@ def smooth(height: int, width: int, seed: int, blur: int) -> NDArray[np.uint8]:
 
 
 def bilinear(image: Floats, x: Floats, y: Floats) -> Floats:
-    """Bilinear values at texel positions x, y; (0, 0) is the centre of the first texel. One point after another."""
+    """Return bilinear samples at texel positions x, y, one by one; (0, 0) is the centre of the first texel."""
     height, width = image.shape[:2]
     found = []
     for a, b in zip(np.clip(x, 0, width - 1), np.clip(y, 0, height - 1), strict=True):
@@ -36,7 +36,7 @@ def bilinear(image: Floats, x: Floats, y: Floats) -> Floats:
 
 
 def dilated(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A mask with all neighbours of its pixels."""
+    """Return a mask extended by all neighbours of its pixels."""
     padded = np.pad(mask, 1)
     rows, columns = mask.shape
     found = np.zeros_like(mask)

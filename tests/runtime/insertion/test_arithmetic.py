@@ -38,7 +38,7 @@ def test_samples_are_bilinear_between_texels_centres(points: list[tuple[float, f
     np.testing.assert_allclose(sampled(image, u, v), bilinear(image, u * 60 - 0.5, v * 40 - 0.5), atol=1e-9)
 
 
-def test_a_texture_has_the_size_at_which_it_is_seen() -> None:
+def test_a_texture_is_reduced_to_its_size_in_the_picture() -> None:
     """The size is the number of pixels across the texture in the picture, at most its number of texels."""
     for width, height in ((30, 20), (7, 33), (500, 400)):
         back = np.array([[1.0 / width, 0, 0], [0, 1.0 / height, 0], [0, 0, 1.0]])
@@ -72,7 +72,7 @@ def test_least_squares_are_exact(seed: int) -> None:
         assert abs(float(gap)) < 1e-9
 
 
-def test_rows_that_determine_nothing_have_no_solution() -> None:
+def test_singular_systems_have_no_solution() -> None:
     assert least_squares([], []) is None
     assert least_squares([[1, 2], [2, 4]], [1, 2]) is None
 
@@ -93,7 +93,7 @@ DIM = np.array([[0.5, 0.05, 0.0, 0.01], [0.02, 0.4, 0.02, 0.02], [0.0, 0.05, 0.3
 
 
 @pytest.mark.parametrize("hidden", [(), (0, 5, 12, 13, 20)])
-def test_the_matrix_is_found_again(hidden: tuple[int, ...]) -> None:
+def test_the_colour_matrix_is_recovered(hidden: tuple[int, ...]) -> None:
     """A change of light that is a matrix is recovered up to the rounding of levels, also with a hidden cell."""
     found = color_transfer.transfer("matrix", chart(DIM, hidden)).texture(TEXTURE)
     linear = (TEXTURE[0] / 255) ** 2.2 @ DIM[:, :3].T + DIM[:, 3]
@@ -114,14 +114,14 @@ def test_reaps_lines_are_fitted_per_channel_without_outliers() -> None:
     for cell, colour in enumerate(COLORS):
         for channel, (a, b) in enumerate(((0.5, 10), (0.7, 0), (0.2, 90))):
             counts[cell, channel, int(np.rint(a * colour[channel] + b))] += 99
-    counts[0, :, 255] += 12  # fewer than a hundredth, and far off
+    counts[0, :, 255] += 12  # outliers: fewer than 1 %, far off
     lines = color_transfer.transfer("reap", ChartPixels(counts))
     np.testing.assert_allclose(lines.texture(np.full((1, 1, 3), 100.0))[0, 0], [60, 70, 110], atol=0.6)
     np.testing.assert_array_equal(lines.ratios(np.zeros((2, 3), np.uint8)), 1.0)
 
 
 @pytest.mark.parametrize("method", ["dapricot", "matrix", "reap"])
-def test_a_hidden_chart_leaves_the_brightness_alone(method: TransferMethod) -> None:
+def test_a_hidden_chart_does_not_change_the_brightness(method: TransferMethod) -> None:
     nothing = color_transfer.transfer(method, ChartPixels(np.zeros((24, 3, 256), np.int64)))
     np.testing.assert_array_equal(nothing.texture(TEXTURE), TEXTURE)
     assert nothing.reference == 144.0

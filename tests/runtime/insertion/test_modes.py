@@ -90,7 +90,7 @@ def shown(scene: Scenario, frame: int, sensor: str) -> NDArray[np.uint8]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["street", "bent"])
-def test_all_modes_lie_on_the_same_pixels(scenes: dict[str, Scenario], sensor: str) -> None:
+def test_all_modes_change_the_same_pixels(scenes: dict[str, Scenario], sensor: str) -> None:
     """Insertion changes only pixels of the placeholder's mask: neither occluders nor the surroundings."""
     for frame in range(2):
         maps = [shown(scenes[mode], frame, sensor) for mode in MODES]
@@ -106,13 +106,13 @@ def test_all_modes_lie_on_the_same_pixels(scenes: dict[str, Scenario], sensor: s
         for found in zip(*records, strict=True):
             assert len({(r["counts"], str(r["corners"]), r["depth"], r["area"]) for r in found}) == 1
         changed = (pictures["rendered"] != pictures["green"]).any(axis=2)
-        if sensor == "street":  # the other camera's blur reaches farther
+        if sensor == "street":  # the blur of the other camera has a larger radius
             beyond = changed & ~dilated(mask)
-            assert beyond.sum() <= 2, "but for slivers of the car that no pixel's centre shows"
+            assert beyond.sum() <= 2, "except for slivers of the car that cover no pixel's centre"
 
 
 def by_four_points(corners: Any, width: int, height: int) -> NDArray[np.float64]:
-    """The homography from pixels to texture positions, solved from the four corners."""
+    """Return the homography from pixels to texture positions, solved from the four corners."""
     rows, right = [], []
     for (x, y), (u, v) in zip(corners, ((0, 0), (width, 0), (width, height), (0, height)), strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
@@ -124,9 +124,9 @@ def by_four_points(corners: Any, width: int, height: int) -> NDArray[np.float64]
 def test_digital_is_a_perspective_warp(
     scenes: dict[str, Scenario], frame: int, number: int, largest: float, mean: float
 ) -> None:
-    """Against samples, taken one by one, through a homography that is solved from the four corners alone.
+    """Compare with single samples through a homography that is solved from the four corners.
 
-    Within one level for a texture that is not reduced; the other is reduced here by Pillow, to a like size.
+    They agree within one level for a texture that is not reduced; the other one is reduced by Pillow here.
     """
     scene, original = scenes["digital"], texture(0 if number == 1 else 1 + frame)
     rows, columns = np.nonzero(shown(scene, frame, "street") == number)
@@ -160,7 +160,7 @@ def test_the_same_bytes_in_shot_build_and_verification(recipe: Path, scenes: dic
     assert verify_files(dataset, Options(nonce=1), lambda *_: None).document()["verdict"] == "PASS"
 
 
-def test_reaps_lines_are_nearer_to_the_rendered_patch_than_none(scenes: dict[str, Scenario]) -> None:
+def test_reaps_colour_transform_reduces_the_difference_from_the_rendered_patch(scenes: dict[str, Scenario]) -> None:
     mask = shown(scenes["green"], 0, "street") == 2
     picture = {mode: np.asarray(scenes[mode].render(0, "street")).astype(int)[mask] for mode in MODES}
     error = {mode: np.abs(picture[mode] - picture["rendered"]).mean() for mode in MODES}
@@ -187,7 +187,7 @@ FACE = PatchFace(part="static", corner=(5, 1, 2), right=(0, -1, 0), down=(0, 0, 
 
 
 @pytest.mark.parametrize(("mode", "calls"), [("rendered", 1), ("green", 1), ("digital", 2)])
-def test_what_is_not_inserted_costs_nothing(mode: str, calls: int) -> None:
+def test_without_insertion_no_extra_pass_runs(mode: str, calls: int) -> None:
     """Without insertion there is no copy and no patch map; a patch outside the picture renders no chart."""
     patch = PatchPlan(name="p", body="wall", faces=(FACE,), mode=mode, texture=PatchTexture(colour="#102030"))
     appearance = appearance_plan().model_copy(update={"patches": (patch,)})

@@ -1,4 +1,4 @@
-"""Differences of two picture files: differing pixels are counted if possible, and headers are not trusted."""
+"""Comparison of two picture files: differing pixels are counted if possible, and headers are not trusted."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def png(image: Image.Image) -> bytes:
 
 
 def bomb(width: int, height: int) -> bytes:
-    """A small PNG whose header asks for much."""
+    """Return a small PNG whose header states a large size."""
     head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     chunks = [(b"IHDR", head), (b"IDAT", zlib.compress(b"")), (b"IEND", b"")]
     rows = [struct.pack(">I", len(b)) + n + b + struct.pack(">I", zlib.crc32(n + b)) for n, b in chunks]
@@ -64,7 +64,7 @@ STRANGE = {
 
 @pytest.mark.parametrize("name", STRANGE)
 @pytest.mark.parametrize("modality", ["rgb", "depth"])
-def test_another_size_or_kind_is_no_number_and_no_traceback(tmp_path: Path, name: str, modality: str) -> None:
+def test_pictures_of_other_size_or_kind_have_no_count(tmp_path: Path, name: str, modality: str) -> None:
     there, ours = tmp_path / name, tmp_path / "ours.png"
     there.write_bytes(STRANGE[name])
     ours.write_bytes(codecs.png(PIXELS))
@@ -94,13 +94,13 @@ def test_depth_with_holes_is_drawn(tmp_path: Path) -> None:
     assert red.tolist() == [[2, 3], [4, 5]]
 
 
-def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(RunError, match=r"cannot be written: .*; choose another folder for pictures"):
         write_difference(tmp_path / "file" / "x", Shot("street", 0, "rgb", PIXELS), None)
 
 
-def test_a_picture_that_cannot_be_read_back_is_no_traceback(tmp_path: Path) -> None:
+def test_a_picture_that_cannot_be_read_back_is_an_error(tmp_path: Path) -> None:
     broken = tmp_path / "000000.png"
     broken.write_bytes(codecs.png(PIXELS)[:60])
     record: FrameRecord = {**NO_LABELS, "digests": {"labels": ""}, "rgb": {}, "files": {}}

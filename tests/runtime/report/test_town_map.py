@@ -1,4 +1,4 @@
-"""`recipe shot --map`: a town from above says truly where lanes lead, and where a recipe's cast is."""
+"""`recipe shot --map` draws lanes in their directions and a recipe's actors at their places."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def spots(town: towns.Town) -> Spots:
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
-    """What is drawn, by kind: the arrows' poses, the words with their places, the canvas last made."""
+    """Record what is drawn: poses of arrows, labels with their places, and the last canvas."""
     seen: dict[str, list[Any]] = {"arrow": [], "text": [], "canvas": []}
     whole = {name: getattr(Canvas, name) for name in ("arrow", "text", "finished")}
 
@@ -55,8 +55,8 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
-def test_arrows_show_the_way_that_traffic_goes(name: str, drawn: dict[str, list[Any]]) -> None:
-    """A newcomer who guessed a lane's direction met every car head on."""
+def test_arrows_show_the_direction_of_traffic(name: str, drawn: dict[str, list[Any]]) -> None:
+    """Users need a lane's direction to place vehicles and cameras."""
     town = towns.build(name, 0, {})
     body = town_map.town_map(town.plan, spots(town), name)
     with Image.open(io.BytesIO(body)) as page:
@@ -77,12 +77,12 @@ def test_arrows_show_the_way_that_traffic_goes(name: str, drawn: dict[str, list[
         assert beside and all((arrow.yaw - spot.yaw) % 360 == 0 for arrow in beside)
         u, v = canvas.pixel((spot.x, spot.y))
         red, _, blue = picture.getpixel((int(u), int(v)))
-        assert blue > red + 60, "a spawn point is marked where it is"
+        assert blue > red + 60, "a spawn point has its mark"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
-def test_pedestrians_spawn_on_what_is_drawn_as_pavement(name: str, drawn: dict[str, list[Any]]) -> None:
+def test_spawn_points_of_pedestrians_are_on_drawn_pavement(name: str, drawn: dict[str, list[Any]]) -> None:
     town = towns.build(name, 0, {})
     town_map.town_map(town.plan, Spots((), (), (), town.streets.bounds), name)
     canvas, picture = drawn["canvas"][0]
@@ -90,13 +90,13 @@ def test_pedestrians_spawn_on_what_is_drawn_as_pavement(name: str, drawn: dict[s
     walks = [tuple(int(c[k : k + 2], 16) for k in (1, 3, 5)) for c in (town_map._WALK, town_map._PATH)]
     points = [p for p in town.spots["pedestrian"] if canvas.box[1] < p.y < canvas.box[3]]
     for point in points:
-        u, v = canvas.pixel((point.x + 0.4, point.y + 0.4))  # (beside the grid's lines)
+        u, v = canvas.pixel((point.x + 0.4, point.y + 0.4))  # (not on the lines of the grid)
         paved += any(np.abs(pixels[int(v), int(u)] - walk).max() < 12 for walk in walks)
-    assert paved > 0.8 * len(points)  # the others are under a tree
+    assert paved > 0.8 * len(points)  # the other points are under a tree
 
 
 @pytest.mark.slow
-def test_a_recipes_cast_is_marked_by_name(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
+def test_actors_of_a_recipe_are_marked_by_name(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
     path = tmp_path / "first.yaml"
     path.write_text(template("first"))
     compiled = compile_recipe(path)
@@ -138,7 +138,7 @@ def test_traffic_is_distinguished_by_kind(tmp_path: Path, drawn: dict[str, list[
 
 
 def test_the_legend_explains_every_layer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Grey squares were on the map and not in its legend."""
+    """Regression: the legend did not explain the grey squares."""
     words: list[str] = []
     whole = ImageDraw.ImageDraw.text
 
@@ -154,7 +154,7 @@ def test_the_legend_explains_every_layer(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.slow
 def test_traffic_lights_and_stop_signs_are_shown(drawn: dict[str, list[Any]]) -> None:
-    """Drivers obey them, so the map says which junction has which."""
+    """Drivers obey them, so the map shows which junction has which."""
     town = towns.build("downtown", 0, {})
     town_map.town_map(town.plan, spots(town), "downtown")
     canvas, picture = drawn["canvas"][0]
@@ -162,7 +162,7 @@ def test_traffic_lights_and_stop_signs_are_shown(drawn: dict[str, list[Any]]) ->
         if element.kind == "traffic_light" or (element.kind == "sign" and int(element.shape["face"]) == 0):
             u, v = canvas.pixel((element.pose.x, element.pose.y))
             red, green, blue = picture.getpixel((int(u), int(v)))
-            assert red > blue + 90, element.name  # amber in the middle of a light, and red of a sign
+            assert red > blue + 90, element.name  # the amber centre of a light; the red of a sign
             assert (green > 120) == (element.kind == "traffic_light")
 
 
@@ -182,7 +182,7 @@ def test_the_command_draws_a_recipe_or_a_town(tmp_path: Path, monkeypatch: pytes
             assert picture.size[0] > 1000
 
 
-def test_a_misspelt_town_is_answered_with_the_near_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_misspelt_town_gets_a_suggestion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=r'downtwn: there is no such file or town; did you mean "downtown"\?'):
         run("--map", "downtwn")
@@ -190,17 +190,17 @@ def test_a_misspelt_town_is_answered_with_the_near_one(tmp_path: Path, monkeypat
         run("--map", "downtwn.yaml")  # a file's name
 
 
-def test_a_map_is_of_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_takes_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="--map draws a town, not a frame"):
         run("--map", "plaza", "--frame", "3")
 
 
 @pytest.mark.parametrize(("y", "shown"), [(None, 320.0), (250.0, 560.0)])
-def test_a_part_of_a_large_town_holds_every_named_actor_and_says_that_it_is_a_part(
+def test_the_map_of_a_large_town_shows_a_part_with_every_named_actor(
     tmp_path: Path, drawn: dict[str, list[Any]], monkeypatch: pytest.MonkeyPatch, y: float | None, shown: float
 ) -> None:
-    """Actors beyond the middle 320 m of a highway were drawn at the map's border, as if they were there."""
+    """Regression: actors outside the central 320 m of a highway were drawn at the map's border."""
     titles: list[str] = []
     page = town_map._page
 

@@ -1,4 +1,4 @@
-"""Obstacles that form one body in the engine: each of them is hit where it stands, and named."""
+"""Obstacles are grouped into one body in the engine; contacts still identify the obstacle that was hit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_distance_of_a_rotated_box(yaw: int, x: float, y: float, distance: float
     assert Box("", (0.0, 0.0), half, (2.0, 1.0)).distance(x, y) == pytest.approx(distance)
 
 
-def test_each_of_many_obstacles_is_hit_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contacts_name_the_obstacle_that_was_hit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Four cars drive at four of twenty walls side by side; each stops at its own, and the event names it."""
     walls = [
         Element(name=f"wall{k}", kind="wall", pose=Pose(x=12.0 + 0.5 * k, y=4.0 * k, yaw=180), size=(0.3, 3.8, 2.0))

@@ -1,4 +1,4 @@
-"""Contact between bodies: who is pushed, who stops, and that nothing is lifted."""
+"""Collisions: which bodies are pushed or stop, and that none is lifted."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def run(made: Simulation, seconds: float) -> None:
 
 @pytest.mark.parametrize(("glob", "most"), [("vehicle.truck.box", 0.001), ("vehicle.sedan.a", 0.005)])
 def test_pedestrians_move_no_standing_vehicle(glob: str, most: float) -> None:
-    """Tyres hold what three people of 75 kg push with, for twenty seconds; only the first impact shifts it."""
+    """Tyres resist the push of three people of 75 kg for 20 s; only the first impact moves the vehicle."""
     standing = actor("standing", glob, Pose())
     walkers = [
         actor(f"walker{k}", "walker.pedestrian.0001", Pose(x=0.6 * k, y=-4, yaw=90), (0.6 * k, 0), speed=1.4)
@@ -101,7 +101,7 @@ def test_a_vehicle_that_hits_a_wall_stops_and_is_not_lifted(
         assert events[0].impulse > 4.0 * car.mass
 
 
-def test_a_head_on_crash_keeps_momentum_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_head_on_crash_preserves_momentum_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     car = actor("car", "vehicle.sedan.a", Pose(), (80, 0))
     truck = actor("truck", "vehicle.truck.box", Pose(x=60, yaw=180), (-20, 0))
     with simulation(car, truck) as made:
@@ -125,7 +125,7 @@ def test_a_head_on_crash_keeps_momentum_and_ends(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(("vx", "vy", "turn"), [(0.0, 3.0, 1.0), (3.0, 0.0, 0.0), (-2.0, 2.0, -2.0)])
-def test_a_pushed_vehicle_comes_to_rest_by_its_tyres(vx: float, vy: float, turn: float) -> None:
+def test_tyres_stop_a_pushed_vehicle(vx: float, vy: float, turn: float) -> None:
     with simulation(actor("car", "vehicle.sedan.a", Pose(), speed=5.0)) as made:
         car = vehicle(made)
         made.world.set_velocity(car.body, vx, vy, turn)
@@ -137,8 +137,8 @@ def test_a_pushed_vehicle_comes_to_rest_by_its_tyres(vx: float, vy: float, turn:
         assert speed * speed / 2 / 8.5 < slid < speed * speed / 2 / 4.5
 
 
-def test_the_outcome_depends_little_on_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """60 and 240 physics steps a second: the same crash and the same drive, to a few centimetres."""
+def test_the_result_depends_little_on_the_time_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A crash and a drive with 60 and 240 physics steps per second agree within a few centimetres."""
     ends = []
     for physics in (60, 240):
         car = actor("car", "vehicle.sedan.a", Pose(y=30), (40, 30), (50, 40), (50, 90))
@@ -162,7 +162,7 @@ def test_a_pedestrian_who_is_hit_stops_and_so_does_the_car(monkeypatch: pytest.M
         assert [(e.first, e.second) for e in made.contacts.events()][:1] == [("car", "walker")]
 
 
-def test_what_lies_low_or_hangs_high_is_no_obstacle(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_low_and_high_objects_are_no_obstacles(monkeypatch: pytest.MonkeyPatch) -> None:
     kerb = Element(name="low", kind="bench", pose=Pose(x=15), size=(0.5, 5.0, 0.1))
     sign = Element(name="high", kind="guardrail", pose=Pose(x=20, z=4.0), size=(0.5, 5.0, 1.0))
     with simulation(actor("car", "vehicle.sedan.a", Pose(), (80, 0)), elements=[kerb, sign]) as made:

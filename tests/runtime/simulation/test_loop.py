@@ -1,4 +1,4 @@
-"""The loop of a simulation: warm-up, held actors, through traffic, and that frames only look."""
+"""The simulation loop: warm-up, held actors, through traffic, and frames without effect on the motion."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def scene(*actors: ActorPlan, fps: int = 30, frames: int = 30, warmup: float = 0
 
 
 @pytest.mark.slow
-def test_frames_only_look() -> None:
-    """States at common times are equal bit for bit, though 24 frames a second fall between two control ticks."""
+def test_the_frame_rate_does_not_affect_the_motion() -> None:
+    """States at common times are equal bit for bit, though 24 frames per second fall between control ticks."""
     slow, odd = (
         simulate(scene(CAR, BICYCLE, WALKER, fps=2, frames=5)),
         simulate(scene(CAR, BICYCLE, WALKER, fps=24, frames=49)),
@@ -39,7 +39,7 @@ def test_frames_only_look() -> None:
 
 
 @pytest.mark.slow
-def test_frames_between_control_ticks_move_evenly() -> None:
+def test_motion_between_control_ticks_is_even() -> None:
     trace = simulate(scene(CAR, WALKER, fps=80, frames=161))
     for name in ("car", "walker"):
         x = trace.positions[80:, trace.base_part(name)] / METRE
@@ -49,7 +49,7 @@ def test_frames_between_control_ticks_move_evenly() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("warmup", "frames"), [(0.0, 1), (0.31, 7)])
-def test_a_longer_clip_begins_with_the_shorter(frames: int, warmup: float) -> None:
+def test_a_longer_clip_begins_with_the_shorter_one(frames: int, warmup: float) -> None:
     whole = scene(CAR, BICYCLE, WALKER, fps=24, frames=12, warmup=warmup)
     long, short = simulate(whole), simulate(whole.first(frames))
     assert [short.actor_digest(a) for a in short.actors] == [long.actor_digest(a, frames) for a in long.actors]
@@ -63,7 +63,7 @@ def start(trace: Trace, name: str) -> tuple[list[float], float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plan", [CAR, BICYCLE, WALKER])
-def test_held_actors_stand_until_frame_0_and_begin_at_their_speed(plan: ActorPlan) -> None:
+def test_held_actors_wait_until_frame_0_and_start_at_their_speed(plan: ActorPlan) -> None:
     other = actor("other", "vehicle.sedan.a", Pose(x=-60, y=-30), (300, -30))
     held = plan.model_copy(update={"held": True})
     trace = simulate(scene(held, other, frames=2, warmup=4.0))
@@ -75,7 +75,7 @@ def test_held_actors_stand_until_frame_0_and_begin_at_their_speed(plan: ActorPla
     assert start(trace, plan.name) == (
         [plan.start.x, plan.start.y],
         0.0,
-    )  # without a warm-up everybody starts from rest
+    )  # without a warm-up, all actors start from rest
 
 
 def test_through_traffic_leaves_and_enters_when_there_is_room() -> None:
@@ -89,7 +89,7 @@ def test_through_traffic_leaves_and_enters_when_there_is_room() -> None:
         assert car.speed == 0.0 and not car.present
         assert car.z < -900.0
         run(made, 3.0)
-        assert not car.present  # something stands in the lane
+        assert not car.present  # an obstacle is in the lane
         other.leave()
         run(made, 0.3)
         assert car.present
@@ -122,8 +122,8 @@ def _town_and_ground() -> tuple[list[Element], Ground]:
 
 @given(x=st.floats(-150, 150), y=st.floats(-150, 150))
 @settings(max_examples=200, deadline=None)
-def test_the_ground_is_that_of_all_sidewalks(x: float, y: float) -> None:
-    """The grid of cells finds what a search of all sidewalks finds."""
+def test_the_height_of_the_ground_includes_all_sidewalks(x: float, y: float) -> None:
+    """The grid lookup equals a search of all sidewalks."""
     sidewalks, ground = _town_and_ground()
     height = 0.0
     for element in sidewalks:

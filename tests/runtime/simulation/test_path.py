@@ -1,4 +1,4 @@
-"""Ways and outlines: where one is on a line, where it bends, and curves that never overshoot."""
+"""Paths: positions along a line, bends, and interpolation without overshoot."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from recipe_runtime.simulation.path import Path
 CORNER = ((0.0, 0.0), (10.0, 0.0), (10.0, 0.0), (10.0, 10.0))
 
 
-def test_a_way_is_measured_from_its_start() -> None:
+def test_distance_is_measured_from_the_start() -> None:
     way = Path(CORNER)
     assert way.at(4.0) == (4.0, 0.0)
     assert way.at(13.0) == (10.0, 3.0)
-    assert (way.at(-2.0), way.at(25.0)) == ((-2.0, 0.0), (10.0, 15.0))  # straight on beyond its ends
+    assert (way.at(-2.0), way.at(25.0)) == ((-2.0, 0.0), (10.0, 15.0))  # paths continue straight beyond their ends
 
 
-def test_it_is_followed_forwards_only() -> None:
+def test_a_path_is_followed_forwards_only() -> None:
     way = Path(CORNER)
     assert way.locate(3.0, 2.0) == (3.0, 2.0, 0)
     assert way.locate(10.0, 6.0) == (16.0, 0.0, 1)
-    assert way.locate(3.0, 0.0, leg=1) == (10.0, 7.0, 1)  # the first leg lies behind
+    assert way.locate(3.0, 0.0, leg=1) == (10.0, 7.0, 1)  # the first segment lies behind
 
 
 def test_a_bend_has_a_side() -> None:
@@ -32,13 +32,13 @@ def test_a_bend_has_a_side() -> None:
     assert (Path(CORNER).next_bend(2.0, 8.0), Path(CORNER).next_bend(12.0, 20.0)) == (0.0, 0.0)
 
 
-def test_who_goes_nowhere_has_a_way() -> None:
+def test_a_path_can_have_length_0() -> None:
     way = Path([(1.0, 2.0), (1.0, 2.0)])
     assert (way.locate(5.0, 5.0), way.at(3.0)) == ((0.0, 0.0, 0), (1.0, 2.0))
     assert (way.curvature(0.0), way.next_bend(-5.0, 5.0)) == (0.0, 0.0)
 
 
-def test_smooth_curves_pass_their_points_and_never_overshoot() -> None:
+def test_interpolation_passes_its_points_and_never_overshoots() -> None:
     curve = ((0.0, 0.0), (0.2, 1.0), (0.3, 1.0), (0.9, 0.4), (1.0, 0.5))
     assert [smooth(curve, u) for u, _ in curve] == pytest.approx([v for _, v in curve])
     values = [smooth(curve, k / 200) for k in range(-20, 221)]

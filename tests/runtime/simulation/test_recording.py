@@ -1,4 +1,4 @@
-"""Frames are computed several at once."""
+"""Frames are computed in batches."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from tests.runtime.simulation.test_collisions import actor
 
 
 def made(scene: ScenePlan) -> list[tuple[int, bytes]]:
-    """The frames of a scene, with their numbers."""
+    """Return the frames of a scene, with their numbers."""
     frames: list[tuple[int, bytes]] = []
     loop.run(scene, lambda number, data: frames.append((number, data)), lambda _step, _steps: None)
     return frames
 
 
 @pytest.mark.parametrize("frames", [1, 7, 12])
-def test_frames_do_not_depend_on_how_many_are_computed_at_once(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
-    """Cars, people and two-wheelers, in groups of every size."""
+def test_frames_do_not_depend_on_the_batch_size(monkeypatch: pytest.MonkeyPatch, frames: int) -> None:
+    """With cars, people and two-wheelers, in batches of every size."""
     globs = ["vehicle.sedan.a", "walker.pedestrian.0001", "vehicle.bicycle.a", "vehicle.motorcycle.a"]
     globs += ["vehicle.bus.*", "walker.pedestrian.0009"]
     actors = tuple(

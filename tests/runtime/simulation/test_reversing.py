@@ -1,4 +1,4 @@
-"""Driving backwards: off what a vehicle pushes against, and behind what stays, until there is room to pull out."""
+"""Reversing: away from an obstacle in contact, and behind a standing vehicle until there is room to pass it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def made(*actors: object, elements: tuple[Element, ...] = ()) -> Simulation:
     return Simulation(ScenePlan(clock=Clock(fps=10, frames=1, physics=240), town=town, actors=actors))
 
 
-def test_who_stands_close_behind_a_breakdown_backs_up_and_passes() -> None:
+def test_a_vehicle_close_behind_a_breakdown_reverses_and_passes() -> None:
     broken = actor("broken", "vehicle.sedan.a", Pose(x=40, y=LANE), speed=0.0)
     behind = actor("behind", "vehicle.sedan.a", Pose(x=33.5, y=LANE), (300, LANE))
     world = made(broken, behind)
@@ -34,7 +34,7 @@ def test_who_stands_close_behind_a_breakdown_backs_up_and_passes() -> None:
     world.close()
 
 
-def test_nobody_backs_up_into_who_stands_behind() -> None:
+def test_a_vehicle_does_not_reverse_into_the_one_behind() -> None:
     broken = actor("broken", "vehicle.sedan.a", Pose(x=40, y=LANE), speed=0.0)
     behind = actor("behind", "vehicle.sedan.a", Pose(x=33.5, y=LANE), (300, LANE))
     third = actor("third", "vehicle.sedan.a", Pose(x=27.0, y=LANE), speed=0.0)
@@ -44,8 +44,8 @@ def test_nobody_backs_up_into_who_stands_behind() -> None:
     world.close()
 
 
-def test_a_vehicle_backs_off_a_wall() -> None:
-    """It used to push against it for good."""
+def test_a_vehicle_reverses_from_a_wall() -> None:
+    """Regression: it pushed against the wall forever."""
     world = made(actor("hero", "vehicle.sedan.a", Pose(x=20, y=LANE), (300, LANE)), elements=(wall(40.0),))
     run(world, 8.0)
     hit = vehicle(world).x

@@ -1,4 +1,4 @@
-"""Simulation: the same bits whatever the parent's environment, and people who walk, pass and arrive on their feet."""
+"""Simulation: bits do not depend on the environment, and people walk, pass each other and arrive."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ def test_bits_do_not_depend_on_the_parents_environment(tunables: str | None) -> 
         env=environment,
         check=True,
     )
-    assert done.stdout == simulate(small).digest + "\n"  # and PyBullet's build line is nowhere
+    assert done.stdout == simulate(small).digest + "\n"  # and the line that PyBullet prints on import is suppressed
     assert done.stderr == ""
 
 
 @pytest.mark.slow
-def test_an_actor_far_away_changes_no_bit_of_the_others() -> None:
+def test_a_distant_actor_changes_no_bit_of_the_others() -> None:
     alone = simulate(scene(HERO1, CAR, frames=40))
     more = simulate(scene(FAR, HERO1, CAR, frames=40))
     for name in ("hero1", "car"):
@@ -94,8 +94,8 @@ def test_an_actor_far_away_changes_no_bit_of_the_others() -> None:
 @pytest.mark.slow
 @given(frames=st.integers(1, 20))
 @settings(max_examples=4, deadline=None)
-def test_fewer_frames_are_a_prefix(frames: int) -> None:
-    """`recipe shot` simulates no further than its frame."""
+def test_a_shorter_clip_is_a_prefix(frames: int) -> None:
+    """`recipe shot` relies on this: it simulates only up to its frame."""
     whole = scene(HERO1, HERO2, CAR, frames=20)
     short, long = simulate(whole.first(frames)), _twenty()
     assert [short.actor_digest(a) for a in short.actors] == [long.actor_digest(a, frames) for a in long.actors]
@@ -121,8 +121,8 @@ def test_pedestrians_reach_their_speed(plan: ActorPlan) -> None:
 
 
 @pytest.mark.slow
-def test_a_vehicle_reaches_its_speed_on_a_long_way() -> None:
-    """8 m/s are 8 m/s, at any frame rate."""
+def test_a_vehicle_reaches_its_speed_on_a_long_road() -> None:
+    """The speed is 8 m/s at any frame rate."""
     town = towns.build("highway", 0, {}).plan
     car = actor("car", "vehicle.sedan.a", -100, -5.4, 0, (150, -5.4), 8.0)
     for fps in (5, 24, 30):
@@ -153,7 +153,7 @@ def test_feet_stay_on_the_sidewalk_and_people_upright() -> None:
         feet = [trace.parts.index(f"{name}/foot_{side}") for side in ("left", "right")]
         ankles = trace.positions[:, feet, 2].min(axis=1) / METRE - 0.15 - 0.045 * height
         assert ankles.min() > -0.005
-        assert ankles.max() < 0.05  # while one heel lands the other has risen
+        assert ankles.max() < 0.05  # while one heel lands, the other is raised
     for frame in range(0, trace.frames, 30):
         ups = part_transforms(trace, frame)[[trace.base_part("hero1"), trace.base_part("hero2")], 2, 2]
         assert ups.min() > 0.999
@@ -166,7 +166,7 @@ def test_a_planted_foot_does_not_slide() -> None:
     moved = np.abs(np.diff(foot[:, 1]))
     both = flat & (np.abs(np.diff(foot[:, 2])) < 1e-3)
     assert both.sum() >= 4
-    assert moved[both].max() < 0.012  # against 0.047 that the body moves in a frame
+    assert moved[both].max() < 0.012  # the body moves 0.047 m per frame
 
 
 def test_wheels_roll_without_slipping_and_stand_on_the_road() -> None:
@@ -182,7 +182,7 @@ def test_a_vehicle_stops_behind_another() -> None:
     trace = simulate(scene(CAR, parked, frames=300))
     gap = base(trace, "parked")[:, 1] - base(trace, "car")[:, 1]
     reach = (CAR.shape["length"] + parked.shape["length"]) / 2
-    assert reach + 0.5 < gap.min() < reach + 15  # with room to pull out
+    assert reach + 0.5 < gap.min() < reach + 15  # with room to pass it
     assert np.abs(trace.linear[:, 0]).max(axis=1)[200:].min() / METRE < 0.05
 
 
@@ -200,14 +200,14 @@ def test_vehicles_follow_drawn_routes_along_their_lanes() -> None:
         assert np.hypot(*(a + t[:, None] * d - (x, y)).T).min() < 0.75
 
 
-def test_rotations_are_unit_and_of_one_sign() -> None:
+def test_rotations_are_unit_quaternions_with_a_fixed_sign() -> None:
     q = meeting().rotations.astype(np.float64) / UNIT
     assert np.abs((q * q).sum(-1) - 1).max() < 1e-6
     assert (meeting().rotations[..., 3] >= 0).all()
 
 
 @pytest.mark.slow
-def test_progress_is_told() -> None:
+def test_progress_is_reported() -> None:
     heard: list[tuple[int, int]] = []
     simulate(scene(HERO1, frames=3), lambda done, steps: heard.append((done, steps)))
     assert heard == [(0, 16), (8, 16), (16, 16)]
@@ -219,14 +219,14 @@ def test_a_hanging_simulation_is_stopped() -> None:
 
 
 @pytest.mark.slow
-def test_a_failing_simulation_says_why() -> None:
+def test_an_error_of_the_simulation_is_reported() -> None:
     shapeless = HERO1.model_copy(update={"shape": {}})
     with pytest.raises(RunError, match=r"^the simulation ended with exit code 1: KeyError: 'height'$"):
         simulate(scene(shapeless, frames=2))
 
 
 @pytest.mark.slow
-def test_a_full_folder_for_temporary_files_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_names_a_full_temporary_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(writer: TraceWriter, frame: int, data: bytes) -> None:
         raise OSError(28, "No space left on device")
 
@@ -237,7 +237,7 @@ def test_a_full_folder_for_temporary_files_is_named(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_vehicles_take_turns_at_a_junction() -> None:
-    """Two whose ways cross in one junction: they never touch, and both get through."""
+    """Two vehicles with crossing paths in a junction never touch, and both pass."""
     north = actor("north", "vehicle.sedan.a", 1.5, 8, 90, (1.5, 66), 8.0)
     west = actor("west", "vehicle.suv.a", 28, 37.5, 180, (-28, 37.5), 8.0)
     two = ScenePlan(
@@ -263,11 +263,11 @@ def test_a_pedestrian_waits_for_a_car() -> None:
 
 
 @pytest.mark.slow
-def test_what_has_no_route_stands_still() -> None:
+def test_an_actor_without_a_route_stands_still() -> None:
     standing = [plan.model_copy(update={"route": ()}) for plan in (HERO1, CAR)]
     trace = simulate(scene(*standing, frames=30))
     assert not (trace.positions != trace.positions[0]).any()
-    bodies = [k for k, part in enumerate(trace.parts) if not part.endswith("/head")]  # who stands looks about
+    bodies = [k for k, part in enumerate(trace.parts) if not part.endswith("/head")]  # standing people turn their heads
     assert not (trace.rotations[:, bodies] != trace.rotations[0, bodies]).any()
 
 
@@ -277,23 +277,23 @@ def test_an_empty_scene_has_an_empty_trace() -> None:
 
 
 @pytest.mark.slow
-def test_a_kerb_is_climbed_and_left() -> None:
+def test_a_pedestrian_steps_onto_and_off_a_kerb() -> None:
     walker = actor("walker", "walker.pedestrian.0003", -4, 0, 0, (4.5, 0), 1.4)
     height = base(simulate(scene(walker, frames=260)), "walker")[:, 2]
     assert height.max() == pytest.approx(0.15, abs=0.002)
-    assert -0.09 < height.min() < 0.0  # the pelvis sinks with each stride
+    assert -0.09 < height.min() < 0.0  # the pelvis moves up and down with each stride
     assert height[-1] == pytest.approx(0.15, abs=0.002)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_an_error_and_no_trace(value: float) -> None:
+def test_non_finite_motion_is_an_error(value: float) -> None:
     with pytest.raises(RunError, match="the simulation diverged"):
         snap(np.array([0.0, value]), METRE)
 
 
 @pytest.mark.slow
 def test_a_parked_car_never_moves_and_traffic_passes_it() -> None:
-    """Two cars stand in the bays on either side of a lane; a third drives by between them and the centre line."""
+    """Two cars are parked on either side of a lane; a third passes between them and the centre line."""
     street = next(e for e in TOWN.plan.elements if e.kind == "road" and e.shape["bays"] > 0 and e.pose.yaw == 0)
     bays = sorted((p for p in TOWN.parking if abs(p.y - street.pose.y) < 6), key=lambda p: (p.y, p.x))
     van = blueprints.match("vehicle.van.cargo")[0]

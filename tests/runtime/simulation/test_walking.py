@@ -1,4 +1,4 @@
-"""How pedestrians walk: bounded turns, pauses, pairs, ways round others, and crossings of roads."""
+"""Walking of pedestrians: bounded turns, pauses, pairs, avoidance, and crossing of roads."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ ZIGZAG: Way = ((-5.0, -12.0), (-5.0, -4.0), (-7.0, -4.0), (-5.0, -9.0), (-5.0, 4
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("speed", "most"), [(1.4, 120.0), (3.0, 90.0)])
-def test_turns_and_accelerations_are_those_of_a_person(speed: float, most: float) -> None:
-    """It used to turn at 344 degrees a second."""
+def test_turn_rates_and_accelerations_are_plausible(speed: float, most: float) -> None:
+    """Regression: a pedestrian turned at 344 degrees per second."""
     trace = moved(walker("hero", ZIGZAG, speed), seconds=28.0)
     pace, turn = speeds(trace, "hero"), turns(trace, "hero")
     assert turn.max() <= 180.0
@@ -85,7 +85,7 @@ def test_turns_and_accelerations_are_those_of_a_person(speed: float, most: float
 
 
 @pytest.mark.slow
-def test_a_pause_is_a_stop_at_its_waypoint_for_its_time() -> None:
+def test_a_pause_is_a_stop_at_its_waypoint_for_its_duration() -> None:
     hero = walker("hero", ((-5.0, -8.0), (-5.0, -3.0), (-5.0, 2.0)), pauses=(Pause(waypoint=0, seconds=4.0),))
     trace = moved(hero, seconds=16.0)
     still = np.flatnonzero(speeds(trace, "hero")[:120] < 0.05)
@@ -119,8 +119,8 @@ def test_a_crowd_on_one_line_passes_without_touching() -> None:
 
 
 @pytest.mark.slow
-def test_who_meets_at_a_standing_vehicle_gets_round_it() -> None:
-    """The way is planned round vehicles that stand; one that stops there later must not block it for good."""
+def test_two_pedestrians_who_meet_at_a_standing_vehicle_pass_it() -> None:
+    """Routes are planned around standing vehicles; one that stops on a route later must not block it forever."""
     van = blueprints.match("vehicle.van.a")[0]
     standing = walker("van", ((-6.0, 0.0),), 0.0).model_copy(
         update={"category": "vehicle", "blueprint": van.id, "shape": van.shape, "tag": van.tag}
@@ -131,8 +131,8 @@ def test_who_meets_at_a_standing_vehicle_gets_round_it() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("depth", [2.0, 4.0])
-def test_who_is_in_a_dead_end_turns_back_and_goes_round(depth: float) -> None:
-    """Avoidance turns by at most 135 degrees; in a corner, one stood for good."""
+def test_a_pedestrian_in_a_dead_end_turns_back(depth: float) -> None:
+    """Regression: avoidance turns by at most 135 degrees, so a pedestrian stood in a corner forever."""
     hero = walker("hero", ((0.0, 0.0), (12.0, 0.0)))
     shape = {"extent": 1.0}
     fences = [
@@ -157,7 +157,7 @@ def test_who_is_in_a_dead_end_turns_back_and_goes_round(depth: float) -> None:
     side=st.sampled_from([-1, 0, 1]),
 )
 @settings(max_examples=150, deadline=None)
-def test_the_choice_runs_into_nobody_within_half_a_second(
+def test_the_chosen_velocity_is_free_of_collisions_for_half_a_second(
     people: list[tuple[float, float, float, float]], speed: float, blocked: bool, side: int
 ) -> None:
     discs: list[Disc] = [(x, y, vx, vy, x * x + y * y - 0.36) for x, y, vx, vy in people if x * x + y * y > 0.5]
@@ -170,7 +170,7 @@ def test_the_choice_runs_into_nobody_within_half_a_second(
             assert math.hypot(x - ahead[0], y - ahead[1]) > 0.55
 
 
-def test_alone_one_goes_straight_and_round_a_lamp() -> None:
+def test_a_lone_pedestrian_walks_straight_and_around_a_lamp() -> None:
     free = choose(Scene(0.0, 0.0, [], [], [], 1.8), (0.6, 0.8), 1.4, 10.0, 0, blocked=False)
     assert (free.ux, free.uy, free.speed, free.side) == (0.6, 0.8, 1.4, 0)
     wall = Obstacle("lamp", "lamp", 0.8, 0.0, 1.0, 0.0, 0.1, 0.1)
@@ -202,8 +202,8 @@ def crossing_of(way: Way, lights: bool = True) -> tuple[Crossings, Crossing]:
 NORTH = next(e for e in TOWN.plan.elements if e.kind == "junction" and abs(e.pose.x) < 0.1 and e.pose.y > 0)
 
 
-def test_a_crossing_is_where_the_way_is_on_the_road() -> None:
-    """The main street is six metres wide, without bays."""
+def test_a_crossing_is_the_part_of_a_route_on_the_road() -> None:
+    """The main street is 6 m wide, without parking bays."""
     _, found = crossing_of(((-6.0, 0.0), (6.0, 0.0)))
     assert found.start == pytest.approx(3.0, abs=0.3)
     assert found.end == pytest.approx(9.0, abs=0.3)
@@ -212,7 +212,7 @@ def test_a_crossing_is_where_the_way_is_on_the_road() -> None:
     assert Crossings(Path(((-6.0, -20.0), (-6.0, 20.0))), surroundings()).next(0.0) is None
 
 
-def test_the_light_of_a_crossing_is_that_of_the_road_which_it_crosses() -> None:
+def test_a_crossing_has_the_light_of_the_road_that_it_crosses() -> None:
     """Pedestrians cross the main street while its vehicles have red."""
     y = NORTH.pose.y - NORTH.shape["over_y"]
     _, over_main = crossing_of(((-6.0, y), (6.0, y)))
@@ -229,7 +229,7 @@ def test_the_light_of_a_crossing_is_that_of_the_road_which_it_crosses() -> None:
     assert not any(may_walk(over_main.signal, t) and may_walk(over_side.signal, t) for t in times)
 
 
-def test_who_obeys_enters_on_walk_only() -> None:
+def test_an_obedient_pedestrian_enters_only_on_walk() -> None:
     y = NORTH.pose.y - NORTH.shape["over_y"]
     crossings, found = crossing_of(((-6.0, y), (6.0, y)))
     assert found.signal is not None
@@ -250,11 +250,11 @@ def test_a_pedestrian_waits_for_the_light_at_the_kerb() -> None:
     assert may_walk(found.signal, entered / FPS - 0.6)
     assert x[-1] == pytest.approx(5.0, abs=0.1)
     middle = (x > -2.5) & (x < 2.5)
-    assert speeds(trace, "hero")[middle].min() > 1.0  # it does not stop on the road
+    assert speeds(trace, "hero")[middle].min() > 1.0  # no stop on the road
 
 
-def test_all_solid_things_of_the_engine_are_known() -> None:
-    """The walking planner and the engine must not disagree on what is solid."""
+def test_the_walking_planner_knows_all_solid_objects_of_the_engine() -> None:
+    """Otherwise, routes would lead through solid objects."""
     bullet = pytest.importorskip("recipe_runtime.simulation.bullet")
     for name in towns.NAMES:
         town = towns.build(name, 0, {})

@@ -1,4 +1,4 @@
-"""A light world for tests of the traffic rules: vehicles on their paths, pedestrians on theirs, no physics engine."""
+"""A kinematic world for tests of traffic rules: vehicles and pedestrians on their paths, without a physics engine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def actor(
     speed: float | None = None,
     obeys: bool = True,
 ) -> ActorPlan:
-    """A plan of an actor; `start` is x, y and yaw."""
+    """Return the plan of an actor; `start` is x, y and yaw."""
     found = blueprints.match(blueprint)[0]
     return ActorPlan(
         name=name,
@@ -60,10 +60,10 @@ class Dummy:
         self.progress = self.offset = self.speed = 0.0
         self.present, self.waiting = True, False
         self.acceleration = 0.0
-        self.stood = self.longest = 0.0  # seconds that it has stood without a break, now and at most
+        self.stood = self.longest = 0.0  # seconds of continuous standing: now, and the maximum so far
 
     def place(self) -> None:
-        """Put the body where its progress and offset say."""
+        """Set the body's pose from its progress and offset."""
         if not self.path.legs:
             return
         half = 0.3 * self.reach + 0.2
@@ -94,7 +94,7 @@ class Car(Dummy):
 
 
 class KinematicWorld:
-    """Vehicles and pedestrians of a town, ten ticks a second."""
+    """Vehicles and pedestrians of a town, at 10 ticks per second."""
 
     def __init__(self, town: TownPlan, actors: Sequence[ActorPlan], *, start: float = 0.0) -> None:
         self.road_map = RoadMap(town)
@@ -167,7 +167,7 @@ class KinematicWorld:
         body.place()
 
     def _enter(self, body: Car) -> None:
-        """Through traffic: begin at the entry again when there is room, else stay away."""
+        """Let through traffic enter again when there is room."""
         entry = body.actor.entry
         assert entry is not None
         s, c = exact.sin_cos_deg(entry.yaw)
@@ -183,7 +183,7 @@ class KinematicWorld:
         body.offset = 0.0
 
     def _walk(self, body: Dummy) -> None:
-        """Pedestrians go along their routes; at a kerb they wait for moving vehicles."""
+        """Move a pedestrian along its route; at a kerb it waits for moving vehicles."""
         if not body.path.legs or body.progress >= body.path.length:
             body.speed, body.velocity = 0.0, (0.0, 0.0)
             return
@@ -225,7 +225,7 @@ class KinematicWorld:
 
 
 def _overlap(a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]]) -> bool:
-    """Separating axes of two rectangles."""
+    """Return the overlap of two rectangles by the separating axis theorem."""
     for p in (a, b):
         for k in (0, 1):
             nx, ny = p[k + 1][1] - p[k][1], p[k][0] - p[k + 1][0]
@@ -238,7 +238,7 @@ def _overlap(a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]])
 def town_traffic(
     name: str, vehicles: int, pedestrians: int, seconds: float, seed: int = 1, **params: object
 ) -> tuple[towns.Town, list[ActorPlan]]:
-    """A town, and plans of traffic in it as the compiler would place it."""
+    """Return a town, and plans of traffic placed as by the compiler."""
     town = towns.build(name, seed, params)
     plans: list[ActorPlan] = []
     wanted: list[tuple[Literal["vehicle", "pedestrian"], int, str]] = [
@@ -246,7 +246,9 @@ def town_traffic(
         ("pedestrian", pedestrians, "walker.*"),
     ]
     for category, count, glob in wanted:
-        spots = list(town.spots[category][::2])  # neighbours are nearer to each other than a long vehicle is long
+        spots = list(
+            town.spots[category][::2]
+        )  # adjacent spawn points are closer to each other than the length of a long vehicle
         for n in range(count):
             stream = Stream(seed, "test", category, str(n))
             if not spots:

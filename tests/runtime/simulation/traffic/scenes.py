@@ -9,7 +9,7 @@ from recipe_compiler.library import towns
 from recipe_compiler.library.towns.highway import Motorway
 from recipe_compiler.library.towns.streets import BAY, CORNER, LANE, SIDE, STOP, StreetGrid
 
-REACH = LANE + BAY + CORNER  # from the crossing's middle to its edge
+REACH = LANE + BAY + CORNER  # from the crossing's centre to its edge
 LINE = REACH + STOP - CORNER  # ... to its stop lines
 FAR = 200.0
 YAWS = {(1, 0): 0.0, (0, 1): 90.0, (-1, 0): 180.0, (0, -1): 270.0}
@@ -50,7 +50,7 @@ def crossing(
 def through(
     come: tuple[int, int], go: tuple[int, int], back: float, on: float = 120.0
 ) -> tuple[tuple[float, float, float], list[tuple[float, float]]]:
-    """A start (x, y, yaw) `back` metres before the stop line, and a route through the crossing."""
+    """Return a start (x, y, yaw) `back` metres before the stop line, and a route through the crossing."""
     (dx, dy), (ex, ey) = come, go
     start = (-(LINE + back) * dx + 1.5 * dy, -(LINE + back) * dy - 1.5 * dx, YAWS[come])
     points = _GRID._through((0, 0), come, go)
@@ -71,5 +71,5 @@ def motorway() -> TownPlan:
 
 
 def lane(number: int) -> float:
-    """The x of the motorway's lanes towards +y, counted from the median."""
+    """Return the x of a motorway lane towards +y, counted from the median."""
     return Motorway(3, 500.0).lane(number)

@@ -1,4 +1,4 @@
-"""Car following: distances at rest and in motion, and no collision in a platoon."""
+"""Car following: gaps at standstill and in motion, and no collision in a platoon."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DT = 0.1
 
 
 def _drive(gap: float, speed: float, leader: list[float], desired: float = 14.0) -> tuple[float, float, float]:
-    """Follow a leader of given speeds; returns the last gap, the least gap and the hardest braking."""
+    """Follow a leader with given speeds; return the last gap, the smallest gap and the hardest braking."""
     least, hardest = gap, 0.0
     for ahead in leader:
         free = free_acceleration(speed, desired, CAR)
@@ -30,13 +30,13 @@ def _drive(gap: float, speed: float, leader: list[float], desired: float = 14.0)
     return gap, least, hardest
 
 
-def test_a_standing_leader_is_approached_with_comfort() -> None:
+def test_a_standing_leader_is_approached_with_comfortable_braking() -> None:
     gap, least, hardest = _drive(120.0, 14.0, [0.0] * 600)
     assert gap == pytest.approx(CAR.gap, abs=0.3) and least > 1.5
     assert hardest > -3.2
 
 
-def test_braking_is_hard_only_if_it_must_be() -> None:
+def test_braking_is_hard_only_if_necessary() -> None:
     _, least, hardest = _drive(16.0, 14.0, [0.0] * 300)
     assert least > 0.0
     assert -HARDEST_BRAKING <= hardest < -5.0
@@ -47,7 +47,7 @@ def test_a_cut_in_at_equal_speed_brakes_gently() -> None:
     assert following_acceleration(25.0, free, 10.0, 25.0, CAR, CAR.gap) > -3.0
 
 
-def test_above_the_limit_the_braking_is_bounded() -> None:
+def test_braking_to_a_lower_speed_limit_is_bounded() -> None:
     assert free_acceleration(30.0, 8.0, CAR) == -3.0
     assert free_acceleration(8.0, 8.0, CAR) == 0.0
     assert 0.0 < free_acceleration(0.0, 8.0, BUS) < free_acceleration(0.0, 8.0, CAR)
@@ -56,7 +56,7 @@ def test_above_the_limit_the_braking_is_bounded() -> None:
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(-HARDEST_BRAKING, 2.0), min_size=5, max_size=40), st.integers(2, 8), st.floats(1.0, 20.0))
 def test_a_platoon_never_collides(wishes: list[float], count: int, start: float) -> None:
-    """Whatever the first vehicle does, the gaps behind it stay open."""
+    """For any speeds of the first vehicle, all gaps behind it stay positive."""
     speeds = [start] * count
     places = [-n * (4.5 + CAR.gap + 1.6 * start) for n in range(count)]
     for wish in wishes:

@@ -1,4 +1,4 @@
-"""Junctions: who goes first, who stops, and that two movements that meet are never inside together."""
+"""Junctions: priority, stopping, and that conflicting movements are never inside at the same time."""
 
 from __future__ import annotations
 
@@ -43,20 +43,20 @@ def _vehicle(
 
 
 def _gone(body: Car) -> bool:
-    """Whether a vehicle has left the crossing."""
+    """Return whether a vehicle has left the crossing."""
     passage = body.driver.passage
     return passage.left == len(passage.crossings) == 1
 
 
 def _entered(world: KinematicWorld, name: str, limit: float = 60.0) -> float:
-    """Run until a vehicle's front has passed its stop line; returns the time."""
+    """Run until a vehicle's front has passed its stop line, and return the time."""
     while not world[name].driver.passage.entered:
         assert world.seconds < limit, f"{name} never enters: {world[name].driver.passage.reason}"
         world.step()
     return world.seconds
 
 
-def test_the_map_shows_what_stands_in_the_town() -> None:
+def test_the_map_has_the_junctions_and_signs_of_the_town() -> None:
     roads = RoadMap(crossing(stop=(East,), lights={North: GREEN}))
     arms = roads.junctions[0].arms
     assert [arm.control for arm in arms] == ["stop", "light", "priority", "priority"]
@@ -66,7 +66,7 @@ def test_the_map_shows_what_stands_in_the_town() -> None:
     assert RoadMap(street()).junctions == []
 
 
-def test_the_map_knows_the_lanes_of_a_motorway() -> None:
+def test_the_map_has_the_lanes_of_a_motorway() -> None:
     roads = RoadMap(motorway())
     lanes = [roads.lanes(lane(n), 0.0) for n in range(3)]
     assert [(x.left, x.right) for x in lanes if x] == [(0, 2), (1, 1), (2, 0)]  # counted from the median
@@ -83,14 +83,14 @@ def test_two_vehicles_at_a_crossing_pass_one_after_the_other(kinds: tuple[str, s
     assert _gone(world["a"]) and _gone(world["b"])
 
 
-def test_vehicles_that_do_not_meet_pass_together() -> None:
+def test_vehicles_without_conflict_pass_together() -> None:
     world = KinematicWorld(crossing(), [_vehicle("a", North, North), _vehicle("b", South, South)])
     world.run(15.0)
     assert _gone(world["a"]) and _gone(world["b"])
     assert world["a"].longest == world["b"].longest == 0.0 or world["a"].longest < 0.3
 
 
-def test_without_signs_the_right_goes_first() -> None:
+def test_without_signs_the_vehicle_from_the_right_goes_first() -> None:
     world = KinematicWorld(crossing(), [_vehicle("south", North, North), _vehicle("east", West, West)])
     _entered(world, "east")
     assert not world["south"].driver.passage.entered
@@ -98,7 +98,7 @@ def test_without_signs_the_right_goes_first() -> None:
     assert _gone(world["south"]) and not world.overlaps
 
 
-def test_a_stop_sign_makes_everybody_stand() -> None:
+def test_every_vehicle_stops_at_a_stop_sign() -> None:
     world = KinematicWorld(crossing(stop=SIGNED), [_vehicle("a", East, East)])
     _entered(world, "a")
     assert world["a"].longest > 0.05
@@ -119,8 +119,8 @@ def test_the_priority_road_goes_first_and_does_not_brake() -> None:
 
 
 @pytest.mark.slow
-def test_nobody_waits_forever_beside_a_priority_road() -> None:
-    """The starvation bound: an endless column of priority traffic lets one in."""
+def test_no_vehicle_waits_forever_at_a_priority_road() -> None:
+    """The starvation bound: an endless queue of priority traffic lets a vehicle in."""
     column = [_vehicle(f"main.{n}", North, North, 10.0 + 17.0 * n, speed=7.0) for n in range(11)]
     column += [_vehicle(f"back.{n}", South, South, 18.0 + 17.0 * n, speed=7.0) for n in range(11)]
     world = KinematicWorld(crossing(stop=SIGNED), [*column, _vehicle("side", East, North, 8.0)])
@@ -138,7 +138,7 @@ def test_a_left_turn_yields_to_oncoming_traffic() -> None:
     assert _gone(world["left"]) and not world.overlaps
 
 
-def test_red_is_obeyed() -> None:
+def test_red_lights_are_obeyed() -> None:
     world = KinematicWorld(crossing(lights=LIGHTS), [_vehicle("a", East, East), _vehicle("b", North, North)])
     world.run(40.0)
     assert not world["a"].driver.passage.entered
@@ -148,7 +148,7 @@ def test_red_is_obeyed() -> None:
     assert not world.on_red
 
 
-def test_who_does_not_obey_passes_red_but_hits_nobody() -> None:
+def test_a_driver_who_ignores_lights_passes_red_without_a_collision() -> None:
     plans = [
         _vehicle("a", East, East, obeys=False),
         *(_vehicle(f"b{n}", North, North, 20.0 + 9.0 * n) for n in range(4)),
@@ -160,8 +160,8 @@ def test_who_does_not_obey_passes_red_but_hits_nobody() -> None:
 
 
 @pytest.mark.parametrize("back", [5.0, 12.0, 20.0, 26.0, 33.0, 45.0])
-def test_amber_stops_who_can_stop(back: float) -> None:
-    """Green ends while a vehicle comes: it passes on green or amber, or stops at the line; never on red."""
+def test_a_vehicle_that_can_stop_does_so_on_amber(back: float) -> None:
+    """When green ends, an approaching vehicle passes on green or amber or stops at the line; it never passes on red."""
     times = {"cycle": 60.0, "green_from": 54.0, "green": 9.0, "amber": 3.0}  # amber from 3 to 6 s
     world = KinematicWorld(crossing(lights={East: times}), [_vehicle("a", East, East, back)])
     world["a"].speed = 8.0
@@ -172,7 +172,7 @@ def test_amber_stops_who_can_stop(back: float) -> None:
     assert _gone(world["a"])
 
 
-def test_nobody_enters_without_room_behind_the_junction() -> None:
+def test_no_vehicle_enters_without_room_behind_the_junction() -> None:
     parked = actor("parked", start=(LINE + 3.0, -1.5, 0.0), speed=0.0)
     world = KinematicWorld(crossing(), [parked, _vehicle("a", East, East), _vehicle("b", North, North, 45.0)])
     world.run(30.0)
@@ -180,8 +180,8 @@ def test_nobody_enters_without_room_behind_the_junction() -> None:
     assert _gone(world["b"])  # the junction is free for others
 
 
-def test_permission_is_given_back_by_who_cannot_go() -> None:
-    """A body that stands still before its line though it may go does not keep the junction."""
+def test_a_vehicle_that_cannot_go_returns_its_permission() -> None:
+    """A vehicle that stands before its stop line with a permission must not block the junction."""
     world = KinematicWorld(crossing(), [_vehicle("a", East, East, 4.0), _vehicle("b", North, North, 45.0)])
     world.step()
     for _ in range(400):
@@ -192,8 +192,8 @@ def test_permission_is_given_back_by_who_cannot_go() -> None:
 
 
 @pytest.mark.parametrize("turn", [North, South])
-def test_a_turning_bus_does_not_swing_into_who_waits(turn: tuple[int, int]) -> None:
-    """The body of the bus, steered like the simulation's, stays clear of all waiting places."""
+def test_a_turning_bus_does_not_touch_waiting_vehicles(turn: tuple[int, int]) -> None:
+    """The swept path of the bus, steered as in the simulation, avoids all waiting positions."""
     plans = [_vehicle("bus", East, turn, 30.0, "bus.city")]
     plans += [_vehicle(f"wait.{n}", d, d, 20.0) for n, d in enumerate((North, South, West))]
     lights = {North: RED, South: RED, West: RED, East: GREEN}
@@ -215,8 +215,8 @@ def test_a_turning_bus_does_not_swing_into_who_waits(turn: tuple[int, int]) -> N
     assert least > 0.2
 
 
-def test_nobody_turns_into_who_stands_beyond_the_waiting_place() -> None:
-    """A car that has lost its permission stood at the painted line, where buses swing through: they collided."""
+def test_no_vehicle_turns_into_one_beyond_its_waiting_position() -> None:
+    """Regression: a car without permission stood at the painted line, on the swept path of a bus, and they collided."""
     reach = actor("any", start=(0.0, 0.0, 0.0)).shape["length"] / 2
     plans = [_vehicle("bus", East, South, 30.0, "bus.city"), _vehicle("over", North, North, reach + 0.3)]
     world = KinematicWorld(crossing(lights={North: RED, East: GREEN}), plans)
@@ -228,7 +228,7 @@ def test_nobody_turns_into_who_stands_beyond_the_waiting_place() -> None:
     assert _gone(world["bus"]) and not over.obstructs and not world.overlaps
 
 
-def test_a_bus_turning_right_needs_more_ground_than_a_car() -> None:
+def test_a_bus_turning_right_needs_more_space_than_a_car() -> None:
     plans = [_vehicle("bus", North, East, 20.0, "bus.city"), _vehicle("car", North, East, 50.0)]
     world = KinematicWorld(crossing(), plans)
     world.step()
@@ -252,7 +252,7 @@ KINDS = ("sedan.a", "bus.city", "truck.box", "bicycle.a", "motorcycle.a", "van.a
     ),
     st.sampled_from(["none", "signs", "lights"]),
 )
-def test_movements_that_meet_are_never_inside_together(
+def test_conflicting_movements_are_never_inside_together(
     vehicles: list[tuple[int, int, str, float]], control: str
 ) -> None:
     town = {
@@ -282,9 +282,9 @@ def test_movements_that_meet_are_never_inside_together(
     assert all(_gone(b) for b in world.cars), [b.driver.passage.reason for b in world.cars]
 
 
-def test_a_standing_queue_has_no_room_behind_it() -> None:
-    """The gaps inside a queue are not room: five cars stand up to the junction, and a sixth must not enter."""
-    places = [LINE + 4.0 + 7.0 * n for n in range(5)]  # the last one's rear is 1.7 m behind the junction
+def test_gaps_in_a_standing_queue_are_no_room() -> None:
+    """Five cars stand up to the junction, and a sixth must not enter."""
+    places = [LINE + 4.0 + 7.0 * n for n in range(5)]  # the rear of the last one is 1.7 m behind the junction
     queue = [actor(f"q{n}", start=(x, -1.5, 0.0), route=[(190.0, -1.5)]) for n, x in enumerate(places)]
     walker = actor("walker", "walker.pedestrian.0001", start=(places[-1] + 5.0, -1.5, 90.0))
     world = KinematicWorld(crossing(), [*queue, walker, _vehicle("a", East, East), _vehicle("b", North, North, 50.0)])
@@ -294,8 +294,8 @@ def test_a_standing_queue_has_no_room_behind_it() -> None:
 
 
 @pytest.mark.parametrize("back", [24.0, 36.0, 48.0, 60.0])
-def test_nobody_leaves_a_junction_towards_somebody_who_overtakes(back: float) -> None:
-    """Both would stand head to head in one lane for good."""
+def test_no_vehicle_leaves_a_junction_towards_an_overtaking_one(back: float) -> None:
+    """Both would block each other in one lane forever."""
     bike = _vehicle("bike", East, East, 80.0, "bicycle.child")
     plans = [bike, _vehicle("truck", East, East, 95.0, "truck.box"), _vehicle("bus", North, West, back, "bus.city")]
     world = KinematicWorld(crossing(), plans)

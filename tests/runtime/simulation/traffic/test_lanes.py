@@ -1,4 +1,4 @@
-"""Lane changes after MOBIL, overtaking over the oncoming lane, pedestrians, and the corridor."""
+"""Lane changes by MOBIL, overtaking on the oncoming lane, pedestrians, speed limits and bends."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _neighbour(gap: float, speed: float) -> Neighbour:
     return Neighbour(gap, speed, 33.0, CAR)
 
 
-def test_mobil_leaves_a_slow_leader() -> None:
+def test_mobil_changes_lanes_behind_a_slow_leader() -> None:
     assert gain(FAST, (_neighbour(40.0, 20.0), None), (None, None)) > 1.0
     assert gain(FAST, (None, None), (_neighbour(40.0, 20.0), None)) < 0.0
 
@@ -33,11 +33,11 @@ def test_mobil_never_makes_a_follower_brake_hard() -> None:
     blocked = (_neighbour(15.0, 15.0), None)
     assert gain(slow, blocked, (None, _neighbour(80.0, 20.0))) > 0.0
     assert gain(slow, blocked, (None, _neighbour(20.0, 33.0))) == -math.inf
-    assert gain(slow, blocked, (None, _neighbour(3.0, 20.0))) == -math.inf  # no room at all
+    assert gain(slow, blocked, (None, _neighbour(3.0, 20.0))) == -math.inf  # no room
 
 
-def test_mobil_minds_the_others() -> None:
-    """Politeness: the same advantage is worth less if a follower has to brake for it, more if one is freed."""
+def test_mobil_considers_other_vehicles() -> None:
+    """Politeness: an advantage counts less if a follower has to brake, and more if one can accelerate."""
     here = (_neighbour(30.0, 24.0), None)
     alone, follower = gain(FAST, here, (None, None)), gain(FAST, here, (None, _neighbour(60.0, 33.0)))
     freed = gain(FAST, (here[0], _neighbour(30.0, 32.0)), (None, None))
@@ -45,9 +45,9 @@ def test_mobil_minds_the_others() -> None:
     assert follower < alone
 
 
-def test_without_reason_nobody_leaves_the_lane_for_the_left() -> None:
+def test_without_an_advantage_no_vehicle_changes_to_the_left() -> None:
     assert gain(FAST, (None, None), (None, None)) - KEEP_RIGHT - THRESHOLD < 0.0
-    assert gain(FAST, (None, None), (None, None)) + KEEP_RIGHT - THRESHOLD > 0.0  # but for the right
+    assert gain(FAST, (None, None), (None, None)) + KEEP_RIGHT - THRESHOLD > 0.0  # but it changes to the right
 
 
 def _on_motorway(name: str, number: int, y: float, speed: float, kind: str = "sedan.a") -> ActorPlan:
@@ -64,12 +64,12 @@ def test_a_slow_truck_is_overtaken_on_three_lanes() -> None:
         furthest = max(furthest, world["car"].offset)
         world.find_overlaps()
     assert world["car"].y > world["truck"].y + 40.0
-    assert furthest == pytest.approx(3.6, abs=0.3)  # one whole lane
+    assert furthest == pytest.approx(3.6, abs=0.3)  # one full lane
     assert world["car"].offset == pytest.approx(0.0, abs=0.3)  # and back to the right
     assert not world.overlaps
 
 
-def test_nobody_changes_beyond_the_lanes() -> None:
+def test_no_vehicle_changes_beyond_the_outer_lanes() -> None:
     plans = [_on_motorway(f"v{n}", n % 3, -300.0 + 14.0 * n, 18.0 + 5.0 * (n % 4)) for n in range(12)]
     world = KinematicWorld(motorway(), plans)
     middle = [scene_lane(n) for n in range(3)]
@@ -96,7 +96,7 @@ def _west(name: str, x: float, speed: float | None = None) -> ActorPlan:
     return actor(name, start=(x, 1.5, 180.0), route=[(10.0, 1.5)], speed=speed)
 
 
-def test_a_bicycle_keeps_right_and_is_overtaken_with_distance() -> None:
+def test_a_bicycle_keeps_right_and_is_overtaken_with_a_safe_distance() -> None:
     world = KinematicWorld(street(), [_east("bike", 60.0, "bicycle.a"), _east("car", 10.0, speed=11.0)])
     least = 10.0
     for _ in range(400):
@@ -110,7 +110,7 @@ def test_a_bicycle_keeps_right_and_is_overtaken_with_distance() -> None:
     assert world["car"].offset == pytest.approx(0.0, abs=0.05)
 
 
-def test_nobody_overtakes_into_oncoming_traffic() -> None:
+def test_no_vehicle_overtakes_into_oncoming_traffic() -> None:
     column = [_west(f"on.{n}", 110.0 + 30.0 * n, speed=9.0) for n in range(10)]
     world = KinematicWorld(street(), [_east("bike", 60.0, "bicycle.a"), _east("car", 40.0, speed=11.0), *column])
     for _ in range(200):
@@ -121,11 +121,11 @@ def test_nobody_overtakes_into_oncoming_traffic() -> None:
         world.find_overlaps()
     world.run(40.0)
     assert not world.overlaps
-    assert world["car"].x > world["bike"].x  # when they are past
+    assert world["car"].x > world["bike"].x  # after they have passed
 
 
-def test_overtaking_is_given_up_while_not_beside() -> None:
-    """Somebody comes into sight when the car is already on the other lane: it goes back behind."""
+def test_overtaking_is_aborted_before_the_vehicles_are_side_by_side() -> None:
+    """An oncoming vehicle appears when the car is already in the other lane: the car returns behind its leader."""
     world = KinematicWorld(
         street(), [_east("bike", 70.0, "bicycle.a"), _east("car", 40.0, speed=11.0), _west("on", 780.0)]
     )
@@ -141,14 +141,14 @@ def test_overtaking_is_given_up_while_not_beside() -> None:
     assert world["car"].x > world["bike"].x and not world.overlaps
 
 
-def test_what_stands_in_the_lane_is_passed() -> None:
+def test_a_standing_vehicle_in_the_lane_is_passed() -> None:
     world = KinematicWorld(street(), [_east("stopped", 100.0, speed=0.0), _east("car", 20.0)])
     world.run(50.0)
     assert world["car"].x > 150.0 and not world.overlaps
 
 
-def test_a_queue_at_a_line_is_not_passed() -> None:
-    """Who waits behind somebody who waits stays there."""
+def test_a_queue_at_a_stop_line_is_not_passed() -> None:
+    """A vehicle behind a waiting one waits too."""
     plans = [_east("first", 60.0), _east("second", 50.0), _east("third", 30.0)]
     world = KinematicWorld(street(), plans)
     for _ in range(300):
@@ -160,7 +160,7 @@ def test_a_queue_at_a_line_is_not_passed() -> None:
     assert not world.overlaps
 
 
-def test_a_pedestrian_on_the_road_is_not_run_over() -> None:
+def test_vehicles_stop_for_a_pedestrian_on_the_road() -> None:
     walker = actor("walker", "walker.pedestrian.0001", start=(60.0, -9.0, 90.0), route=[(60.0, 9.0)])
     world = KinematicWorld(street(), [_east("car", 20.0), walker])
     hardest = 0.0
@@ -174,7 +174,7 @@ def test_a_pedestrian_on_the_road_is_not_run_over() -> None:
     assert hardest > -6.0
 
 
-def test_the_limit_and_bends_are_kept() -> None:
+def test_speed_respects_the_limit_and_bends() -> None:
     route = [
         (200.0, -1.5),
         *((200.0 + 8.0 * s, -9.5 + 8.0 * c) for s, c in ((0.5, 0.866), (0.866, 0.5))),
@@ -212,7 +212,7 @@ class _Crossing(Dummy):
 
 @pytest.mark.parametrize(("x", "stops"), [(60.0, True), (28.0, False)])
 def test_a_pedestrian_at_a_crossing_has_right_of_way(x: float, stops: bool) -> None:
-    """Who stands at the kerb with right of way is let over, unless the car could not stop with comfort."""
+    """A car stops for a pedestrian with right of way at the kerb if it can do so comfortably."""
     walker = _Crossing(actor("walker", "walker.pedestrian.0001", start=(x, -6.0, 90.0)))
     walker.crossing = (x, -5.3, x, 5.3)
     world = KinematicWorld(street(), [_east("car", 10.0)])
@@ -220,6 +220,6 @@ def test_a_pedestrian_at_a_crossing_has_right_of_way(x: float, stops: bool) -> N
     world["car"].speed = 9.0
     world.run(12.0)
     assert (world["car"].speed < 0.1 and world["car"].x + world["car"].reach < x - 1.0) == stops
-    walker.y = 2.0  # past the lane
+    walker.y = 2.0  # beyond the lane
     world.run(12.0)
     assert world["car"].x > x + 10.0

@@ -1,4 +1,4 @@
-"""Drivers and the props of a recipe: they stop behind what stands in their lane, and pass it."""
+"""Drivers and the props of a recipe: vehicles stop behind a prop in their lane, and pass it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def made(town: TownPlan, prop: PropPlan, *actors: object) -> Simulation:
 
 @pytest.mark.parametrize("yaw", [0.0, 90.0, 200.0])
 def test_a_prop_in_the_lane_is_passed(yaw: float) -> None:
-    """Drivers looked at actors only: they drove against it and stood."""
+    """Regression: drivers considered actors only, and drove against props."""
     world = made(street(), crate(80.0, -1.5, yaw), actor("hero", "vehicle.sedan.a", Pose(x=10, y=-1.5), (300, -1.5)))
     run(world, 30.0)
     assert world.agents[0].x > 110.0
@@ -51,7 +51,7 @@ def test_a_prop_on_a_motorway_makes_vehicles_change_lanes() -> None:
     world.close()
 
 
-def test_a_prop_above_the_road_is_in_nobodys_way() -> None:
+def test_a_prop_above_the_road_is_no_obstacle() -> None:
     hero = actor("hero", "vehicle.sedan.a", Pose(x=10, y=-1.5), (300, -1.5))
     world = made(street(), crate(80.0, -1.5, z=5.0), hero)
     run(world, 14.0)

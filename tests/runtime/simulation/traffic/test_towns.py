@@ -1,4 +1,4 @@
-"""Whole towns: nothing locks, nothing touches, nobody enters on red. Longer runs with physics: tests/soak."""
+"""Traffic in whole towns: no deadlock, no contact, no entry on red. tests/soak has longer runs with physics."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _check(name: str, count: int, seconds: float, seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
-def test_traffic_flows_for_a_while(name: str) -> None:
+def test_traffic_flows(name: str) -> None:
     _check(name, 12, 40.0, 1)
 
 
