@@ -105,7 +105,7 @@ def detection_examples(dev: Path, kind: str) -> list[dict[str, Any]]:
         assert row.keys() == {"file_name", "height", "width", "id"}, "a loader takes no other key"
         file = row["file_name"].split("/")[-1]
         stem = file.split(".")[0]
-        assert file == f"{stem}.png", "a dot in a name would cut it"
+        assert file == f"{stem}.png", "a dot would truncate a name"
         rgb = dev / row["file_name"] if street else dev / "rgb" / file
         depth = out / ("sensor.camera.depth.2" if street else "depth") / file
         mine = sorted((a for a in data["annotations"] if a["image_id"] == row["id"]), key=lambda a: a["id"])
@@ -129,7 +129,7 @@ def detection_examples(dev: Path, kind: str) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("kind", ["obj_det", "over_obj_det"])
 def test_object_detection_is_read_back(dataset: Dataset, export: Path, recipe: Path, kind: str) -> None:
     examples = detection_examples(export / f"carla_{kind}/dev", kind)
-    assert len(examples) == 2 * FRAMES, "of the camera that sees the patch, in two weathers"
+    assert len(examples) == 2 * FRAMES, "of the camera that shows the patch, in two weathers"
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
         for frame, example in enumerate(examples[:FRAMES]):
             np.testing.assert_array_equal(example["rgb"], scene.render(frame))
@@ -168,7 +168,7 @@ def test_corners_are_clockwise_from_the_top_left(export: Path) -> None:
         assert rows.min() >= min(ay, by) - 1 and rows.max() <= max(cy, dy) + 1
 
 
-def test_mart_finds_mask_and_coordinates_by_the_pictures_name(export: Path) -> None:
+def test_mart_finds_mask_and_coordinates_by_the_name_of_the_picture(export: Path) -> None:
     root = export / "carla_over_obj_det/dev"
     data = json.loads((root / "kwcoco_annotations.json").read_text())
     for row in data["images"]:
@@ -241,7 +241,7 @@ def test_video_tracking_is_read_back(export: Path, recipe: Path) -> None:
         assert np.load(dev / videos[0] / "gt_boxes.npy")[2].tolist() == [x, y, x + w, y + h]
 
 
-def test_what_is_left_out_is_listed(export: Path) -> None:
+def test_skipped_pictures_are_listed(export: Path) -> None:
     with (export / "left_out.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {(row["sensor"], row["frame"], row["reason"]) for row in rows} == {
@@ -256,8 +256,8 @@ def test_equal_datasets_give_equal_exports(dataset: Dataset, export: Path, tmp_p
     assert tree(tmp_path / "again") == tree(export)
 
 
-def test_the_export_is_of_the_patch_that_is_named(dataset: Dataset, export: Path, recipe: Path, tmp_path: Path) -> None:
-    """Armory takes one patch per sample; a variant without the named one is left out."""
+def test_the_export_has_the_named_patch(dataset: Dataset, export: Path, recipe: Path, tmp_path: Path) -> None:
+    """Armory allows one patch per sample; variants without the named patch are skipped."""
     index = export_layout(dataset, tmp_path / "banner", "armory", quiet, patch="banner")
     assert index["patch"] == "banner"
     examples = detection_examples(tmp_path / "banner/carla_over_obj_det/dev", "over_obj_det")
@@ -276,11 +276,11 @@ def test_the_export_is_of_the_patch_that_is_named(dataset: Dataset, export: Path
 
 
 def without_index(folder: Path) -> dict[str, Any]:
-    """The files of an export but its index, which has the name of the patch that was asked for."""
+    """Return the files of an export except the index, which names the requested patch."""
     return {path: content for path, content in tree(folder).items() if path != "index.json"}
 
 
-def test_a_patch_that_no_picture_has_is_refused_with_the_names(dataset: Dataset, tmp_path: Path) -> None:
+def test_an_unknown_patch_is_refused_with_the_valid_names(dataset: Dataset, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no picture with a patch 'baner'; it has poster, banner"):
         export_layout(dataset, tmp_path / "out", "armory", quiet, patch="baner")
     assert not (tmp_path / "out").exists()
@@ -328,8 +328,8 @@ def test_a_forged_truth_is_an_error(
     assert not (tmp_path / "out").exists()
 
 
-def test_masks_are_not_kept(dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Memory grows with frames by some numbers each; a frame's masks have up to 16 MiB."""
+def test_masks_are_not_kept_in_memory(dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Memory may grow by a few numbers per frame; a frame's masks have up to 16 MiB."""
     size, found = 4 << 20, ExportSequence.labels
 
     def labels(sequence: ExportSequence) -> Iterator[LabelledFrame]:
@@ -343,13 +343,13 @@ def test_masks_are_not_kept(dataset: Dataset, tmp_path: Path, monkeypatch: pytes
     try:
         text = [piece for _, content in armory.annotation_files(sequences) for piece in content]
         assert '"bbox"' in "".join(map(str, text))
-        assert tracemalloc.get_traced_memory()[1] < 6 * size  # two frames of two objects, and little else
+        assert tracemalloc.get_traced_memory()[1] < 6 * size  # two frames of two objects
     finally:
         tracemalloc.stop()
 
 
-def test_the_lines_of_a_sequence_are_made_once(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And not once a frame, which takes a time that grows with the square of the frames."""
+def test_the_lines_of_a_sequence_are_computed_once(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Computing them for each frame would take time quadratic in the number of frames."""
     made: list[int] = []
     monkeypatch.setattr(armory, "_instances", lambda frames: made.append(len(frames)))
     variant = dataset.plan.variants[0]
@@ -357,7 +357,7 @@ def test_the_lines_of_a_sequence_are_made_once(dataset: Dataset, monkeypatch: py
     assert made == [FRAMES]
 
 
-def test_metadata_of_what_is_not_there(recipe: Path) -> None:
+def test_metadata_without_a_patch_in_view(recipe: Path) -> None:
     with recipe_runtime.open(recipe, variant="weather=foggy") as scene:
         assert scene.patch_metadata(0, sensor="away") is None
         with pytest.raises(InputError, match="it has poster"):

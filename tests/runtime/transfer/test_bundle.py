@@ -1,4 +1,4 @@
-"""A pack round-trips, has a single byte form, and a hostile one is an error before anything is written."""
+"""A bundle round-trips, has one canonical byte form, and a hostile one is refused before anything is written."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _written(folder: Path, body: bytes) -> Path:
     return path
 
 
-def test_a_pack_comes_back_whole(tmp_path: Path) -> None:
+def test_a_bundle_round_trips(tmp_path: Path) -> None:
     found = read(_written(tmp_path, PACK.dumps()))
     assert (found.recipe, dict(found.files)) == ("street.yaml", FILES)
 
@@ -34,8 +34,8 @@ def test_order_of_files_does_not_matter() -> None:
     assert Pack("street.yaml", dict(reversed(FILES.items()))).dumps() == PACK.dumps()
 
 
-def test_the_form_is_pinned() -> None:
-    """Identities that a paper prints must never change: another form is another format."""
+def test_the_byte_form_is_pinned() -> None:
+    """Identities printed in papers must never change: another byte form requires a new format version."""
     assert identity(PACK.dumps()) == "sha256:008f3497e21f09d32a3345723991878cc534ea61ae021830c0831357e4cd203a"
 
 
@@ -45,7 +45,7 @@ def test_any_unzip_reads_it() -> None:
         assert {n: archive.read(n) for n in archive.namelist() if n != "pack.json"} == FILES
 
 
-def test_it_is_unpacked_and_cleared_away(tmp_path: Path) -> None:
+def test_a_bundle_is_unpacked_and_removed(tmp_path: Path) -> None:
     with unpacked(_written(tmp_path, PACK.dumps())) as recipe:
         root = recipe.parent
         assert recipe.read_bytes() == FILES["street.yaml"]
@@ -53,7 +53,7 @@ def test_it_is_unpacked_and_cleared_away(tmp_path: Path) -> None:
     assert not root.exists()
 
 
-def test_mistakes_point_into_the_pack(tmp_path: Path) -> None:
+def test_problems_of_the_recipe_name_the_file_in_the_bundle(tmp_path: Path) -> None:
     path = _written(tmp_path, PACK.dumps())
     with pytest.raises(InputError) as caught, unpacked(path) as recipe:
         raise InputError(Problem("the town is gone", Place(str(recipe), 3, 5)))
@@ -87,16 +87,16 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
     "no zip": lambda: b"recipe: street\n" * 100,
     "an empty zip": lambda: _zip([]),
     "no index": lambda: _zip([("street.yaml", b"a")]),
-    "an index that is no map": lambda: _zip([("pack.json", b"[]"), ("street.yaml", b"a")]),
+    "an index that is not a map": lambda: _zip([("pack.json", b"[]"), ("street.yaml", b"a")]),
     "a deep index": lambda: _zip([("pack.json", b"[" * 100_000)]),
     "another format": lambda: _zip([("pack.json", b'{"format": "recipe/pack/9"}')]),
-    "a recipe that is not there": lambda: _zip([_index({}, "gone.yaml"), ("street.yaml", b"a")]),
+    "a recipe that is missing": lambda: _zip([_index({}, "gone.yaml"), ("street.yaml", b"a")]),
     "a way up": lambda: _escape("../evil.yaml"),
     "a way up inside": lambda: _escape("common/../../evil.yaml"),
     "an absolute path": lambda: _escape("/etc/evil"),
     "a windows path": lambda: _escape("..\\evil"),
     "a hidden file": lambda: _escape(".bashrc"),
-    "a name of control characters": lambda: _escape("a\x1b[2J"),
+    "a name with control characters": lambda: _escape("a\x1b[2J"),
     "a link": lambda: _zip([_index({}), ("street.yaml", b"a"), (_link(), b"/etc")]),
     "a compressed entry": lambda: _zip([_index({}), ("street.yaml", b"a" * 10_000)], zipfile.ZIP_DEFLATED),
     "a bomb": lambda: _zip([_index({}), ("street.yaml", b"\0" * (1 << 22))], zipfile.ZIP_DEFLATED),
@@ -109,7 +109,7 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 @pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_a_hostile_pack_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_hostile_bundle_is_refused(tmp_path: Path, name: str) -> None:
     path = _written(tmp_path, HOSTILE[name]())
     with pytest.raises(InputError, match=r"is not a pack that can be used: .+") as caught:
         read(path)
@@ -118,7 +118,7 @@ def test_a_hostile_pack_is_refused(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_a_name_twice_is_refused(tmp_path: Path) -> None:
+def test_a_repeated_name_is_refused(tmp_path: Path) -> None:
     body = _zip([_index({}), ("street.yaml", b"a"), ("street.yaml", b"b")])
     with pytest.raises(InputError, match="is not a pack"):
         read(_written(tmp_path, body))
@@ -135,15 +135,15 @@ def test_a_name_twice_is_refused(tmp_path: Path) -> None:
         {"a.yaml": b"", "ümlaut": b""},
     ],
 )
-def test_names_that_some_file_system_cannot_keep_apart_are_refused(files: dict[str, bytes]) -> None:
+def test_names_that_some_file_systems_consider_equal_are_refused(files: dict[str, bytes]) -> None:
     with pytest.raises(InputError, match="pack"):
         Pack(next(iter(files)), files).dumps()
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, len(PACK.dumps()) - 1), value=st.integers(0, 255), cut=st.booleans())
-@example(at=29, value=2, cut=False)  # an entry that tells of more bytes than there are
-def test_any_change_of_a_byte_is_seen(tmp_path: Path, at: int, value: int, cut: bool) -> None:
+@example(at=29, value=2, cut=False)  # an entry that states more bytes than it has
+def test_any_changed_byte_is_detected(tmp_path: Path, at: int, value: int, cut: bool) -> None:
     body = bytearray(PACK.dumps())
     same = body[at] == value and not cut
     body[at] = value
@@ -155,8 +155,8 @@ def test_any_change_of_a_byte_is_seen(tmp_path: Path, at: int, value: int, cut: 
             read(path)
 
 
-def test_a_large_pack_is_read_without_copies(tmp_path: Path) -> None:
-    """A pack of 500 MiB took 1.57 GB to refuse: its bytes, its files, and the pack that these make again."""
+def test_a_large_bundle_is_read_without_copies(tmp_path: Path) -> None:
+    """Regression: refusing a bundle of 500 MiB took 1.57 GB, for its bytes, its files and the bundle made of these."""
     size = 64 << 20
     path = _written(tmp_path, Pack("a.yaml", {"a.yaml": b"a", "x.bin": bytes(size)}).dumps())
     tracemalloc.start()
@@ -167,7 +167,7 @@ def test_a_large_pack_is_read_without_copies(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
-def test_a_header_that_promises_more_than_there_is_reserves_no_memory(tmp_path: Path) -> None:
+def test_a_header_with_a_large_size_reserves_no_memory(tmp_path: Path) -> None:
     body = bytearray(PACK.dumps())
     body[18:26] = b"\xff\xff\xff\x7f" * 2  # the sizes of pack.json
     with pytest.raises(InputError, match=r"and at most [0-9]+ are read"):

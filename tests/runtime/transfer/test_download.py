@@ -41,7 +41,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def store(built: Path) -> Iterator[dict[str, Any]]:
-    """The memory that the dataset was copied into, by path."""
+    """Return the files of the in-memory store that the dataset was copied to, by path."""
     Target(URL).put(built, _silent)
     memory = fsspec.filesystem("memory")
     yield memory.store
@@ -54,11 +54,11 @@ def integrity(url: str) -> Report:
         return verify_files(read(folder, url), Options(nonce=1), _silent)
 
 
-def spoil(path: str, body: bytes) -> None:
+def corrupt(path: str, body: bytes) -> None:
     fsspec.filesystem("memory").pipe_file(f"/fetched/small/{path}", body)
 
 
-def test_what_is_fetched_is_what_was_copied_there(store: dict[str, Any], built: Path) -> None:
+def test_downloaded_files_equal_the_uploaded_ones(store: dict[str, Any], built: Path) -> None:
     with fetched(URL, _silent) as folder:
         assert tree(folder) == tree(built)
         made = read(folder, URL)
@@ -69,7 +69,7 @@ def test_what_is_fetched_is_what_was_copied_there(store: dict[str, Any], built: 
     assert not folder.exists()
 
 
-def test_a_file_url_is_read_where_it_is(built: Path) -> None:
+def test_a_file_url_is_read_in_place(built: Path) -> None:
     with fetched(f"file://{built}", _silent) as folder:
         assert folder == built
     assert built.is_dir()
@@ -85,46 +85,48 @@ def test_a_file_url_is_read_where_it_is(built: Path) -> None:
         ("more/or/less.txt", b"more", "more/ is a folder without a file of this plan"),
     ],
 )
-def test_what_differs_there_is_reported(store: dict[str, Any], path: str, body: bytes | None, said: str) -> None:
+def test_different_files_at_the_url_are_reported(
+    store: dict[str, Any], path: str, body: bytes | None, said: str
+) -> None:
     if body is None:
         store.pop(f"/fetched/small/{path}")
     else:
-        spoil(path, body)
+        corrupt(path, body)
     report = integrity(URL)
     assert report.verdict == "FAIL"
     assert any(said in str(d) for d in report.differences), [str(d) for d in report.differences]
 
 
-def test_a_flipped_bit_there_is_reported(store: dict[str, Any], built: Path) -> None:
+def test_a_flipped_bit_at_the_url_is_reported(store: dict[str, Any], built: Path) -> None:
     path = "weather=w0,jitter=still/street/rgb/000002.png"
     body = (built / path).read_bytes()
-    spoil(path, body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
+    corrupt(path, body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
     (only,) = integrity(URL).differences
     assert f"{path} differs from its SHA-256 in the manifest" in str(only)
 
 
 @pytest.mark.parametrize("path", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "a\\..\\out.txt"])
-def test_a_manifest_that_leads_out_is_refused(store: dict[str, Any], tmp_path: Path, path: str) -> None:
+def test_a_manifest_with_paths_outside_the_dataset_is_refused(store: dict[str, Any], tmp_path: Path, path: str) -> None:
     manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
     manifest["files"][path] = {"size": 3, "sha256": "0" * 64}
-    spoil("manifest.json", json.dumps(manifest).encode())
-    spoil(path, b"out")
+    corrupt("manifest.json", json.dumps(manifest).encode())
+    corrupt(path, b"out")
     with pytest.raises(InputError, match=r"manifest\.json is damaged .*is not a path within a dataset"):
         integrity(URL)
 
 
-def test_a_file_that_is_a_folder_too_is_refused(store: dict[str, Any]) -> None:
+def test_a_path_that_is_both_file_and_folder_is_refused(store: dict[str, Any]) -> None:
     manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
     manifest["files"]["README.md/x"] = {"size": 3, "sha256": "0" * 64}
-    spoil("manifest.json", json.dumps(manifest).encode())
+    corrupt("manifest.json", json.dumps(manifest).encode())
     with pytest.raises(InputError, match=r"README\.md is listed as a file, and README\.md/x is in it"):
         integrity(URL)
 
 
-def test_a_path_that_no_disk_takes_is_refused(store: dict[str, Any]) -> None:
+def test_a_path_that_no_file_system_accepts_is_refused(store: dict[str, Any]) -> None:
     manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
     for path in ("x" * 300, "/".join(["y" * 200] * 20)):
-        spoil("manifest.json", json.dumps({**manifest, "files": {path: {"size": 3, "sha256": "0"}}}).encode())
+        corrupt("manifest.json", json.dumps({**manifest, "files": {path: {"size": 3, "sha256": "0"}}}).encode())
         with pytest.raises(InputError, match="is too long"):
             integrity(URL)
 
@@ -145,7 +147,7 @@ def test_a_path_that_no_disk_takes_is_refused(store: dict[str, Any]) -> None:
         ("simplecache::https://example.org/dataset", "chains several schemes with `::`"),
     ],
 )
-def test_urls_that_hold_no_dataset(url: str, said: str) -> None:
+def test_urls_without_a_dataset_are_refused(url: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         integrity(url)
 
@@ -160,14 +162,14 @@ def test_urls_that_hold_no_dataset(url: str, said: str) -> None:
         "ftp://user:se:cr@et@127.0.0.1:1/x",
     ],
 )
-def test_a_password_is_not_told(url: str) -> None:
+def test_a_password_is_not_shown(url: str) -> None:
     with pytest.raises((InputError, RunError)) as caught:
         integrity(url)
     assert "://user:***@" in str(caught.value)
     assert not {"se", "cr", "et"} & set(re.split(r"[^a-z]+", str(caught.value)))
 
 
-def test_a_file_that_goes_after_it_was_listed_is_missing(
+def test_a_file_removed_after_the_listing_is_reported_as_missing(
     store: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     memory, gone = type(fsspec.filesystem("memory")), "weather=w0,jitter=still/tracks.csv"
@@ -184,14 +186,16 @@ def test_a_file_that_goes_after_it_was_listed_is_missing(
     assert [str(d) for d in report.differences if gone in str(d) and "is missing" in str(d)]
 
 
-def test_a_manifest_of_something_else_is_refused(store: dict[str, Any]) -> None:
+def test_a_manifest_of_another_format_is_refused(store: dict[str, Any]) -> None:
     for body in (b"{}", b"[" * 100_000, b"\xff", b'{"format": "recipe/manifest/1"}'):
-        spoil("manifest.json", body)
+        corrupt("manifest.json", body)
         with pytest.raises(InputError, match=URL):
             integrity(URL)
 
 
-def test_what_does_not_fit_on_the_disk_is_not_fetched(store: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dataset_larger_than_the_free_space_is_not_downloaded(
+    store: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(download.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10, 9, 1))  # type: ignore[attr-defined]
     with pytest.raises(RunError, match=r"its files take .* MiB, and .* has 0\.0 MiB left; set TMPDIR"):
         integrity(URL)
@@ -212,7 +216,7 @@ class Endless(io.RawIOBase):
 
 
 class Hostile(AbstractFileSystem):  # type: ignore[misc]  # fsspec has no types
-    """A store that returns other content than it lists, and names that point elsewhere."""
+    """A store whose content differs from its listing, and whose names lead out of the folder."""
 
     protocol = "hostile"
     cachable = False
@@ -234,7 +238,7 @@ def hostile(monkeypatch: pytest.MonkeyPatch) -> type[Hostile]:
     return Hostile
 
 
-def test_a_file_without_an_end_is_read_as_far_as_the_manifest_says(
+def test_an_endless_file_is_read_up_to_the_size_in_the_manifest(
     hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
@@ -249,7 +253,7 @@ def test_a_file_without_an_end_is_read_as_far_as_the_manifest_says(
             read(folder, "hostile://x/y")
 
 
-def test_a_manifest_without_an_end_is_refused(hostile: type[Hostile], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_endless_manifest_is_refused(hostile: type[Hostile], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hostile, "manifest", None)
     for module in (download, manifest_reader):
         monkeypatch.setattr(module, "MAX_BYTES", 5_000_000)
@@ -258,7 +262,7 @@ def test_a_manifest_without_an_end_is_refused(hostile: type[Hostile], monkeypatc
     assert Endless.read_so_far == 5_000_001
 
 
-def test_a_manifest_that_is_announced_too_large_is_not_begun(
+def test_a_manifest_listed_with_a_large_size_is_not_downloaded(
     hostile: type[Hostile], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hostile, "manifest", None)
@@ -269,7 +273,7 @@ def test_a_manifest_that_is_announced_too_large_is_not_begun(
 
 
 @pytest.mark.parametrize("name", ["elsewhere/z", "x/y/../../z", "x/y/..", "x/y/\x1b[2J", "x/yz"])
-def test_a_listing_that_leads_out_is_refused(
+def test_a_listing_with_names_outside_the_folder_is_refused(
     hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
@@ -279,7 +283,7 @@ def test_a_listing_that_leads_out_is_refused(
     assert "\x1b" not in str(caught.value)
 
 
-def test_a_size_that_is_not_the_manifests_costs_neither_time_nor_room(
+def test_files_with_another_size_than_in_the_manifest_are_not_downloaded(
     hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
@@ -289,6 +293,6 @@ def test_a_size_that_is_not_the_manifests_costs_neither_time_nor_room(
         assert (found.st_size, found.st_blocks, Endless.read_so_far) == (1 << 40, 0, 0)
 
 
-def test_python_opens_recipes_from_files_alone() -> None:
+def test_python_opens_recipes_from_local_files_only() -> None:
     with pytest.raises(InputError, match=r"s3://b/x\.yaml: a recipe is opened from a file of this host; copy it here"):
         recipe_runtime.open("s3://b/x.yaml")

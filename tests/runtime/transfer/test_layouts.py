@@ -1,4 +1,4 @@
-"""Exports in the layouts of MOTSChallenge and KITTI: complete, deterministic, and read back by other code."""
+"""Exports in the layouts of MOTSChallenge and KITTI: complete, deterministic, and read by independent code."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["mots", "kitti"])
-def test_exports_are_equal_and_kept(built: Dataset, tmp_path: Path, form: Layout) -> None:
+def test_exports_are_deterministic_and_not_repeated(built: Dataset, tmp_path: Path, form: Layout) -> None:
     index = export_layout(built, tmp_path / "a", form, quiet)
     assert export_layout(built, tmp_path / "b", form, quiet) == index
     files = tree(tmp_path / "a")
@@ -51,11 +51,11 @@ def test_exports_are_equal_and_kept(built: Dataset, tmp_path: Path, form: Layout
 
 
 @pytest.mark.slow
-def test_what_is_there_is_not_replaced_unasked(built: Dataset, tmp_path: Path) -> None:
+def test_existing_files_are_replaced_only_on_request(built: Dataset, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="inside"):
         export_layout(built, built.root / "exports" / "mots", "mots", quiet)
     out = tmp_path / "out"
-    out.mkdir()  # an empty folder may be filled
+    out.mkdir()  # an empty folder is accepted
     export_layout(built, out, "mots", quiet)
     with pytest.raises(InputError, match="is a different export"):
         export_layout(built, out, "kitti", quiet)
@@ -78,7 +78,7 @@ def test_damaged_files_are_not_exported(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists() and not (tmp_path / ".out.export").exists()
 
 
-def test_the_export_is_the_datasets_own_mots(built: Dataset, tmp_path: Path) -> None:
+def test_the_mots_export_equals_the_datasets_mots_annotations(built: Dataset, tmp_path: Path) -> None:
     export_layout(built, tmp_path / "out", "mots", quiet)
     for path in (built.root / "mots" / "MOTS-train").rglob("gt.txt"):
         inside = path.relative_to(built.root / "mots")
@@ -106,7 +106,7 @@ def test_kitti_masks_are_the_instance_pictures(built: Dataset, tmp_path: Path) -
 
 
 def kitti_corners(fields: list[str]) -> NDArray[np.float64]:
-    """The corners of a label's 3-D box in the camera frame, as KITTI's development kit computes them [8, 3]."""
+    """Return the corners of a label's 3-D box in the camera frame [8, 3], as KITTI's development kit computes them."""
     h, w, l, x, y, z, turn = map(float, fields[10:17])  # noqa: E741  KITTI's names
     along = np.array([l, l, -l, -l, l, l, -l, -l]) / 2
     down = np.array([0, 0, 0, 0, -h, -h, -h, -h])
@@ -117,8 +117,8 @@ def kitti_corners(fields: list[str]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(("camera_yaw", "actor_yaw"), [(0, 0), (30, 0), (0, 70), (-100, -60), (170, 10)])
-def test_kitti_boxes_are_the_boxes(camera_yaw: float, actor_yaw: float) -> None:
-    """A level camera's KITTI label has the corners of the box in the world, projected by `calib` and by K."""
+def test_kitti_boxes_equal_the_boxes_of_the_dataset(camera_yaw: float, actor_yaw: float) -> None:
+    """For a level camera, projections of the KITTI box by `calib` and of the world's box by K agree."""
     from recipe_runtime.annotate import kitti
 
     sensor = from_pose(Pose(x=3, y=-2, z=1.6, yaw=camera_yaw))

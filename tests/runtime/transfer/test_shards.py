@@ -29,7 +29,7 @@ from recipe_runtime.transfer.layouts import export_layout
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
-SMALL = 40_000  # bytes: a few samples a shard
+SMALL = 40_000  # bytes: a few samples per shard
 
 
 @pytest.fixture(scope="module")
@@ -46,11 +46,11 @@ def exported(dataset: Dataset, out: Path, shard_bytes: int = SMALL) -> list[Path
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed:ResourceWarning")
 def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
-    """By the library's own pipeline: keys, pictures decoded by Pillow, and the records of every frame, in order."""
+    """Keys, pictures decoded by Pillow, and records of every frame come from the library's pipeline, in order."""
     made = exported(built, tmp_path / "out")
     assert len(made) > 3
     samples = list(webdataset.WebDataset([str(p) for p in made], shardshuffle=False).decode("rgb8"))
-    gc.collect()  # the library leaves shards open; that is its warning, and no other test's
+    gc.collect()  # the library leaves shards open; its warning must not fail another test
     wanted = [
         (variant, sensor, frame)
         for variant in built.plan.variants
@@ -70,7 +70,7 @@ def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
             np.testing.assert_array_equal(sample["rgb.png"], np.asarray(picture))
 
 
-def test_a_picture_of_more_bytes_than_pixels_is_not_read(built: Dataset, tmp_path: Path) -> None:
+def test_a_picture_with_too_many_bytes_for_its_pixels_is_not_read(built: Dataset, tmp_path: Path) -> None:
     path = next(path for path in built.files if path.endswith(".png") and "/rgb/" in path)
     root = tmp_path / "copy"
     shutil.copytree(built.root, root)
@@ -83,7 +83,7 @@ def test_a_picture_of_more_bytes_than_pixels_is_not_read(built: Dataset, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:
+def test_shards_contain_the_datasets_files(built: Dataset, tmp_path: Path) -> None:
     held = set()
     for shard in exported(built, tmp_path / "out"):
         assert shard.stat().st_size <= SMALL
@@ -106,7 +106,7 @@ def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:
     }
 
 
-def test_a_name_that_leads_away_is_refused(built: Dataset, tmp_path: Path) -> None:
+def test_a_name_that_leads_out_of_the_folder_is_refused(built: Dataset, tmp_path: Path) -> None:
     """The recipe's name, which is part of the shards' names, comes from an untrusted manifest."""
     copy, victim = tmp_path / "a" / "b" / "copy", tmp_path / "thesis-000000.tar"
     shutil.copytree(built.root, copy)
@@ -136,8 +136,8 @@ def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: P
 
 
 @pytest.mark.parametrize("work", ["link", "tar"])
-def test_a_folder_that_no_export_made_is_not_cleared(built: Dataset, tmp_path: Path, work: str) -> None:
-    """Neither through a symbolic link nor because its files are named like shards."""
+def test_a_folder_that_no_export_made_is_not_removed(built: Dataset, tmp_path: Path, work: str) -> None:
+    """This includes a symbolic link, and a folder whose files are named like shards."""
     folder = tmp_path / ("elsewhere" if work == "link" else ".out.export")
     folder.mkdir()
     (folder / "backup.tar").write_text("precious")
@@ -149,7 +149,7 @@ def test_a_folder_that_no_export_made_is_not_cleared(built: Dataset, tmp_path: P
 
 
 @pytest.mark.slow
-def test_what_a_killed_export_left_is_cleared(built: Dataset, tmp_path: Path) -> None:
+def test_the_work_folder_of_a_killed_export_is_removed(built: Dataset, tmp_path: Path) -> None:
     def die(stage: str, done: int, total: int) -> None:
         left.append([(p.name, p.read_bytes()) for p in sorted((tmp_path / ".out.export").iterdir())])
 
@@ -164,7 +164,9 @@ def test_what_a_killed_export_left_is_cleared(built: Dataset, tmp_path: Path) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("forgery", ["bytes", "folder", "name", "type", "link", "device", "text", "many"])
-def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_path: Path, forgery: str) -> None:
+def test_a_forged_export_is_not_accepted_and_its_links_not_followed(
+    built: Dataset, tmp_path: Path, forgery: str
+) -> None:
     out, precious = tmp_path / "out", tmp_path / "precious"
     first = exported(built, out)[0]
     index = json.loads((out / shards.INDEX).read_text())
@@ -199,9 +201,7 @@ def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_pa
 
 
 @pytest.mark.parametrize("export", [shards.webdataset, partial(export_layout, form="kitti")])
-def test_a_forged_index_is_not_parsed_into_much_memory(
-    built: Dataset, tmp_path: Path, export: Callable[..., object]
-) -> None:
+def test_a_forged_index_takes_little_memory(built: Dataset, tmp_path: Path, export: Callable[..., object]) -> None:
     """16 MiB of empty lists would take 400 MB; a longer index than a dataset's export can have is not read."""
     for size in ((16 << 20) - 4, 1 << 28):
         with (tmp_path / "index.json").open("wb") as file:
@@ -217,7 +217,7 @@ def test_a_forged_index_is_not_parsed_into_much_memory(
 
 
 def test_the_current_folder_is_not_replaced(built: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its name is not known, and a shell would stay in the removed folder."""
+    """The shell would stay in the removed folder."""
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path / "empty")
     for out in (Path(), Path("../empty")):
@@ -247,7 +247,7 @@ def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> Non
     assert [r["sha256"] for r in index["shards"]] == [hashlib.sha256(p.read_bytes()).hexdigest() for p in one]
 
 
-def test_what_is_there_already_is_left_alone(built: Dataset, tmp_path: Path) -> None:
+def test_an_existing_export_is_unchanged(built: Dataset, tmp_path: Path) -> None:
     made = exported(built, tmp_path / "out")
     times = [p.stat().st_mtime_ns for p in made]
     assert [p.stat().st_mtime_ns for p in exported(built, tmp_path / "out")] == times
@@ -259,7 +259,7 @@ def test_what_is_there_already_is_left_alone(built: Dataset, tmp_path: Path) -> 
         exported(built, tmp_path / "mine")
 
 
-def test_an_empty_folder_is_filled_and_a_dataset_is_not_exported_into(built: Dataset, tmp_path: Path) -> None:
+def test_an_empty_folder_is_accepted_and_one_inside_a_dataset_is_refused(built: Dataset, tmp_path: Path) -> None:
     """Files inside a dataset that its manifest does not list would fail its verification."""
     (tmp_path / "empty").mkdir()
     assert exported(built, tmp_path / "empty")
@@ -270,7 +270,7 @@ def test_an_empty_folder_is_filled_and_a_dataset_is_not_exported_into(built: Dat
 
 
 @pytest.mark.parametrize("damage", ["bytes", "missing", "link", "labels"])
-def test_damage_does_not_travel(built: Dataset, tmp_path: Path, damage: str) -> None:
+def test_a_damaged_dataset_is_not_exported(built: Dataset, tmp_path: Path, damage: str) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(built.root, copy)
     dataset, name = read(copy), built.plan.variants[0].variant
@@ -281,7 +281,7 @@ def test_damage_does_not_travel(built: Dataset, tmp_path: Path, damage: str) -> 
     elif damage == "bytes":
         body = io.BytesIO()
         Image.new("RGB", (64, 48)).save(body, "PNG")
-        victim.unlink()  # it may be one file with another's
+        victim.unlink()  # it may be a hard link
         victim.write_bytes(body.getvalue())
     else:
         victim.unlink()

@@ -22,7 +22,7 @@ SEQUENCES = 8
 
 
 def plan() -> DatasetPlan:
-    """The plan of the fakes with a car in place of the truck, which both benchmarks would leave out."""
+    """Return the plan of the fakes with a car in place of the truck, a class that both benchmarks ignore."""
     made = dataset_plan()
     scene = made.variants[0].scene
     sedan = match("vehicle.sedan.a")[0]

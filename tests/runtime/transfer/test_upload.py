@@ -1,4 +1,4 @@
-"""Datasets copied by fsspec: complete or absent, equal to the folder, and only new files are sent."""
+"""Datasets uploaded by fsspec: complete or absent, equal to the folder, and only new files are sent."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(params=["memory", "file"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    yield "memory://bucket/small" if request.param == "memory" else f"file://{tmp_path}/there/small"
+    yield "memory://bucket/small" if request.param == "memory" else f"file://{tmp_path}/remote/small"
     fsspec.filesystem("memory").store.clear()
 
 
@@ -46,36 +46,36 @@ def local(root: Path) -> dict[str, bytes]:
     return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}
 
 
-def there(url: str) -> dict[str, bytes]:
+def remote_files(url: str) -> dict[str, bytes]:
     fs, prefix = fsspec.core.url_to_fs(url)
     return {name[len(prefix) + 1 :]: fs.cat_file(name) for name in fs.find(prefix)}
 
 
-def test_all_bytes_arrive_and_are_sent_once(url: str, built: Path) -> None:
+def test_all_files_are_uploaded_once(url: str, built: Path) -> None:
     first = put(url, built)
-    assert there(url) == local(built)
+    assert remote_files(url) == local(built)
     contents = {body for path, body in local(built).items() if path != "manifest.json"}
     assert first == Copied(len(contents), len(local(built)) - 1 - len(contents), 0)
-    assert first.copied > 0  # labels that variants share
+    assert first.copied > 0  # labels shared by variants
     assert put(url, built) == Copied(0, 0, len(local(built)) - 1)
 
 
-def test_only_what_is_new_is_sent_and_what_is_gone_is_removed(url: str, built: Path, tmp_path: Path) -> None:
+def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path, tmp_path: Path) -> None:
     put(url, built)
-    before = there(url)
+    before = remote_files(url)
     plan = dataset_plan()
     less = plan.model_copy(update={"variants": plan.variants[:1]})
     other = build(less, tmp_path / "less" / "small", engines=ENGINES, workers=0, cache=tmp_path / "cache").path
     sent = put(url, other)
-    assert there(url) == local(other)
+    assert remote_files(url) == local(other)
     unchanged = {path for path, body in local(other).items() if before.get(path) == body}
     assert sent.kept == len(unchanged) and sent.sent < len(local(other)) / 2
     assert not list(other.parent.glob(".*sent*"))
 
 
 @pytest.mark.parametrize("calls", [0, 1, 7, 40])
-def test_a_copy_that_is_stopped_goes_on(url: str, built: Path, calls: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """There is no manifest until the copy is complete; files that were sent are not sent again."""
+def test_a_stopped_upload_is_resumed(url: str, built: Path, calls: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is no manifest until the upload is complete; files that were sent are not sent again."""
     fs, _ = fsspec.core.url_to_fs(url)
     send, count = type(fs).put_file, 0
 
@@ -89,13 +89,13 @@ def test_a_copy_that_is_stopped_goes_on(url: str, built: Path, calls: int, monke
     monkeypatch.setattr(type(fs), "put_file", failing)
     with pytest.raises(RunError, match="the line is dead; try again: what was copied is kept"):
         put(url, built)
-    assert "manifest.json" not in there(url) and NOTE in there(url)
+    assert "manifest.json" not in remote_files(url) and NOTE in remote_files(url)
     monkeypatch.setattr(type(fs), "put_file", send)
     assert put(url, built).kept >= calls
-    assert there(url) == local(built)
+    assert remote_files(url) == local(built)
 
 
-def test_an_older_dataset_is_never_half_another(url: str, built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_older_dataset_is_never_mixed_with_a_new_one(url: str, built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     put(url, built)
     fs, prefix = fsspec.core.url_to_fs(url)
     name = next(name for name in fs.find(prefix) if name.endswith("rgb/000003.png"))
@@ -103,17 +103,17 @@ def test_an_older_dataset_is_never_half_another(url: str, built: Path, monkeypat
     monkeypatch.setattr(type(fs), "put_file", lambda *_, **__: (_ for _ in ()).throw(ConnectionError("gone")))
     with pytest.raises(RunError):
         put(url, built)
-    assert "manifest.json" not in there(url)
+    assert "manifest.json" not in remote_files(url)
     monkeypatch.undo()
     assert put(url, built).sent == 1
-    assert there(url) == local(built)
+    assert remote_files(url) == local(built)
 
 
 @pytest.mark.slow
-def test_a_copy_from_elsewhere_meanwhile_is_believed_and_the_old_note_is_not(
+def test_an_upload_by_another_host_invalidates_the_journal_of_a_stopped_one(
     url: str, built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A copy stops; another host copies other bytes of the same sizes; the first goes on."""
+    """An upload stops, another host uploads other bytes of the same sizes, and the first upload is resumed."""
     fs, prefix = fsspec.core.url_to_fs(url)
     send, sent = type(fs).put_file, list[str]()
 
@@ -132,11 +132,11 @@ def test_a_copy_from_elsewhere_meanwhile_is_believed_and_the_old_note_is_not(
         fs.pipe_file(name, bytes(len(local(built)[name.partition("small/")[2]])))
     fs.pipe_file(f"{prefix}/{NOTE}", b'{"copy": "another", "dataset": "x"}')
     assert put(url, built).kept == 0
-    assert there(url) == local(built)
+    assert remote_files(url) == local(built)
 
 
-def test_a_place_that_a_build_made_is_not_written_through_its_links(built: Path, tmp_path: Path) -> None:
-    target = tmp_path / "there" / "small"
+def test_an_upload_to_a_local_dataset_does_not_write_through_hard_links(built: Path, tmp_path: Path) -> None:
+    target = tmp_path / "remote" / "small"
     plan = dataset_plan()
     less = plan.model_copy(update={"variants": plan.variants[:2]})
     build(less, target, engines=ENGINES, workers=0, cache=tmp_path / "cache")
@@ -145,8 +145,8 @@ def test_a_place_that_a_build_made_is_not_written_through_its_links(built: Path,
 
 
 def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: Path) -> None:
-    """An untrusted dataset with a link `recipe -> elsewhere` must not make a build write there."""
-    place, other = tmp_path / "there" / "small", tmp_path / "elsewhere"
+    """With an untrusted dataset that has a link `recipe -> elsewhere`, a build must not write there."""
+    place, other = tmp_path / "remote" / "small", tmp_path / "elsewhere"
     put(f"file://{place}", built)
     manifest = json.loads((place / "manifest.json").read_text())
     folder = next(path for path in manifest["files"] if "/" in path).partition("/")[0]
@@ -161,9 +161,9 @@ def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: P
     assert local(other) == before and before
 
 
-def test_the_journal_follows_no_link_and_waits_for_no_pipe(built: Path, tmp_path: Path) -> None:
-    """An attacker who prepares the folder can compute the journal's name."""
-    url, root = f"file://{tmp_path}/there/small", tmp_path / "small"
+def test_the_journal_neither_follows_a_link_nor_waits_for_a_pipe(built: Path, tmp_path: Path) -> None:
+    """An attacker with access to the folder can compute the journal's name."""
+    url, root = f"file://{tmp_path}/remote/small", tmp_path / "small"
     shutil.copytree(built, root)
     journal, precious = UploadJournal(root, url), tmp_path / "precious"
     precious.write_text("precious")
@@ -184,14 +184,14 @@ def test_the_journal_follows_no_link_and_waits_for_no_pipe(built: Path, tmp_path
 
 
 @pytest.mark.parametrize("url", ["s3://", "memory://", "file:///"])
-def test_a_url_without_a_place(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_url_without_a_path_is_refused(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="names no place"):
         Target(url)
     assert not list(tmp_path.iterdir())
 
 
-def test_what_is_not_ours_is_left_alone(url: str, built: Path) -> None:
+def test_foreign_files_at_the_url_are_unchanged(url: str, built: Path) -> None:
     fs, prefix = fsspec.core.url_to_fs(url)
     fs.makedirs(prefix, exist_ok=True)
     fs.pipe_file(f"{prefix}/thesis.tex", b"precious")
@@ -202,10 +202,10 @@ def test_what_is_not_ours_is_left_alone(url: str, built: Path) -> None:
     fs.pipe_file(f"{prefix}/thesis.tex", b"precious")
     with pytest.raises(InputError, match=r"holds a file that is not the dataset's, 'thesis\.tex'"):
         put(url, built)
-    assert there(url)["thesis.tex"] == b"precious"
+    assert remote_files(url)["thesis.tex"] == b"precious"
 
 
-def test_damage_is_not_sent(url: str, built: Path, tmp_path: Path) -> None:
+def test_a_damaged_file_is_not_uploaded(url: str, built: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(built, copy)
     victim = next(copy.rglob("rgb/000003.png"))
@@ -224,7 +224,7 @@ def test_damage_is_not_sent(url: str, built: Path, tmp_path: Path) -> None:
         ("gs://bucket/x", r"its library is not installed; install it: pip install 'gcsfs>=2024\.6'"),
     ],
 )
-def test_urls_that_lead_nowhere(url: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unsupported_urls_are_refused(url: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gcsfs", None)
     with pytest.raises(InputError, match=message):
         Target(url)
@@ -232,7 +232,7 @@ def test_urls_that_lead_nowhere(url: str, message: str, monkeypatch: pytest.Monk
 
 @pytest.fixture
 def s3(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """An S3 server of this host's own, and a bucket on it."""
+    """Start a local S3 server, and return a bucket on it."""
     server_module = pytest.importorskip("moto.server")
     boto3 = pytest.importorskip("boto3")
     server = server_module.ThreadedMotoServer(port=0, verbose=False)
@@ -257,7 +257,7 @@ def recipe(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.s3
 def test_a_build_into_a_bucket(s3: str, tmp_path: Path) -> None:
-    """Read back by boto3, which is Amazon's own client, and verified as a folder."""
+    """The files are read by boto3, Amazon's client, and pass verification as a folder."""
     import boto3
 
     shutil.copy(TINY, tmp_path)
@@ -278,7 +278,7 @@ def test_a_build_into_a_bucket(s3: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.s3
-def test_a_dataset_in_a_bucket_is_verified_where_it_is(s3: str, tmp_path: Path) -> None:
+def test_a_dataset_in_a_bucket_passes_verification(s3: str, tmp_path: Path) -> None:
     import boto3
 
     shutil.copy(TINY, tmp_path)
@@ -294,7 +294,7 @@ def test_a_dataset_in_a_bucket_is_verified_where_it_is(s3: str, tmp_path: Path) 
     key = next(row["Key"] for row in rows if row["Key"].endswith("rgb/000000.png"))
     body = client.get_object(Bucket="datasets", Key=key)["Body"].read()
     client.put_object(Bucket="datasets", Key=key, Body=body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
-    client.put_object(Bucket="datasets", Key="tiny/preview/", Body=b"")  # as a console makes a folder
+    client.put_object(Bucket="datasets", Key="tiny/preview/", Body=b"")  # as the web console creates a folder
     for arguments in ([s3, "--integrity"], ["tiny.yaml", "--against", s3, "--frames", "1"]):
         spoiled = recipe(tmp_path, "verify", *arguments)
         assert spoiled.returncode == 1
@@ -304,7 +304,7 @@ def test_a_dataset_in_a_bucket_is_verified_where_it_is(s3: str, tmp_path: Path) 
 
 
 @pytest.mark.s3
-def test_a_bucket_that_is_not_there(s3: str, tmp_path: Path) -> None:
+def test_a_missing_bucket_is_an_error(s3: str, tmp_path: Path) -> None:
     shutil.copy(TINY, tmp_path)
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", "s3://nobodys-bucket/tiny")
     assert (done.returncode, done.stdout) == (2, "")
@@ -313,7 +313,7 @@ def test_a_bucket_that_is_not_there(s3: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.s3
-def test_a_server_that_does_not_answer(s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_without_an_answer_is_an_error(s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     shutil.copy(TINY, tmp_path)
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", s3)

@@ -1,4 +1,4 @@
-"""`recipe diff` names the first cause of a difference, and says what it could not compare."""
+"""`recipe diff` names the first cause of a difference, and reports what it could not compare."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_nothing_differs_from_itself(ours: Side) -> None:
     assert left_out(ours, ours) == []
 
 
-def test_a_field_that_many_variants_share_is_reported_once(ours: Side) -> None:
+def test_a_difference_shared_by_variants_is_reported_once(ours: Side) -> None:
     assert ours.plan is not None
     document = ours.plan.model_dump(mode="json")
     for variant in document["variants"]:
@@ -53,7 +53,7 @@ def test_a_field_that_many_variants_share_is_reported_once(ours: Side) -> None:
     )
 
 
-def test_an_actor_of_one_side_only_is_named() -> None:
+def test_an_actor_of_only_one_side_is_named() -> None:
     ours = {"actors": [{"name": "hero", "speed": 1.0}, {"name": "van", "speed": 2.0}]}
     theirs = {"actors": [{"name": "van", "speed": 3.0}]}
     assert list(walk(ours, theirs, "scene")) == [
@@ -62,7 +62,7 @@ def test_an_actor_of_one_side_only_is_named() -> None:
     ]
 
 
-def test_the_body_that_parts_first_is_named_with_its_frames(ours: Side) -> None:
+def test_the_first_body_that_diverges_is_named_with_its_frame(ours: Side) -> None:
     (scene,) = ours.lock.traces
     bodies = dict(ours.lock.bodies)
     for actor, frame in (("hero2", 2), ("van", 4)):
@@ -73,7 +73,7 @@ def test_the_body_that_parts_first_is_named_with_its_frames(ours: Side) -> None:
     assert found == [Difference("trace", "body hero2 diverges at frame 2; 2 bodies differ")]
 
 
-def test_frames_are_counted_by_modality_labels_before_colours(ours: Side) -> None:
+def test_frames_are_counted_by_modality_with_labels_first(ours: Side) -> None:
     frames = dict(ours.lock.frames)
     for key in [k for k in frames if k[1] == "side" and (k[2], k[3]) in {("rgb", 1), ("rgb", 4), ("instance", 2)}]:
         frames[key] = "0" * 64
@@ -100,20 +100,20 @@ def test_files_stages_and_tools_come_first(ours: Side) -> None:
     ]
 
 
-def test_a_renamed_recipe_with_the_same_bytes_is_the_same(ours: Side) -> None:
+def test_a_renamed_recipe_with_equal_bytes_does_not_differ(ours: Side) -> None:
     assert differences(ours, _with(ours, files={"other.yaml": "aa"})) == []
     (found,) = differences(ours, _with(ours, files={"other.yaml": "bb"}, plan="0" * 64))
     assert found.message == "tiny.yaml and other.yaml differ"
 
 
-def test_other_text_of_one_plan_is_a_note(ours: Side) -> None:
-    """A comment is not another recipe."""
+def test_another_text_with_an_equal_plan_is_a_note(ours: Side) -> None:
+    """A changed comment, for example."""
     other = _with(ours, files={"tiny.yaml": "bb"})
     assert differences(ours, other) == []
     assert left_out(ours, other) == ["the text of ours and theirs differs; the plan does not"]
 
 
-def test_what_one_side_does_not_tell_is_said(ours: Side) -> None:
+def test_missing_information_of_one_side_is_reported(ours: Side) -> None:
     assert ours.plan is not None
     recipe = Side("a.yaml", bare(ours.plan, "", {}), ours.plan)
     assert differences(ours, recipe) == []
@@ -121,8 +121,8 @@ def test_what_one_side_does_not_tell_is_said(ours: Side) -> None:
     assert note == "motion and pixels were not compared: a.yaml holds none; `recipe lock` makes a lockfile"
 
 
-def test_datasets_are_said_to_be_compared_by_their_manifests(ours: Side) -> None:
-    """`nothing differs` must not read as if the files had been looked at."""
+def test_the_report_states_that_datasets_are_compared_by_manifest(ours: Side) -> None:
+    """Otherwise `nothing differs` would suggest that the files had been read."""
     one, other = replace(ours, listed={"README.md": "aa"}), replace(ours, name="theirs", listed={"README.md": "aa"})
     assert differences(one, other) == []
     check = "`recipe verify` checks the files themselves"
@@ -130,7 +130,7 @@ def test_datasets_are_said_to_be_compared_by_their_manifests(ours: Side) -> None
     assert left_out(one, ours) == [f"ours was compared by its manifest; {check}"]
 
 
-def test_files_that_differ_come_last_and_in_the_order_in_which_they_are_made(ours: Side) -> None:
+def test_differing_files_come_last_in_the_order_of_their_creation(ours: Side) -> None:
     """Without an earlier cause, each file is named, sources before derived files."""
     picture, labels = "weather=w0,jitter=still/side/rgb/000000.png", "weather=w0,jitter=still/side/labels.jsonl"
     made = [picture, labels, "annotations/kwcoco.json", "preview/contact_sheet.png", "README.md"]
@@ -160,8 +160,8 @@ def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) 
     ]
 
 
-def test_two_plans_of_different_variants_are_compared_by_their_content(ours: Side) -> None:
-    """Two expanded plans were reported as variants of one side only, whatever differed."""
+def test_two_plans_of_different_variants_are_compared_by_content(ours: Side) -> None:
+    """Regression: two expanded plans were always reported as variants of one side only."""
     assert ours.plan is not None
     plans = [
         DatasetPlan(recipe="a", description="", variants=(variant,), annotations=(), depth="carla")
@@ -211,8 +211,8 @@ def test_committed_lockfiles_differ_from_each_other_in_their_variants() -> None:
         ),
     ],
 )
-def test_lockfiles_of_which_one_lacks_something_differ(ours: Side, change: Any, says: str) -> None:
-    """Exit code 0 says that two are the same: rows on one side only, another name and a broken seal are not."""
+def test_lockfiles_with_missing_rows_differ(ours: Side, change: Any, says: str) -> None:
+    """Exit code 0 means equal, so rows of one side only, another name and a broken seal must be differences."""
     side = replace(_with(ours, **change(ours.lock)), finished=True)
     assert any(says in str(finding) for finding in differences(ours, side))
     assert differences(side, ours)

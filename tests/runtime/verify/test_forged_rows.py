@@ -1,4 +1,4 @@
-"""Rows of a lockfile or manifest that no drawn frame depends on are compared all the same, or reported."""
+"""Rows of a lockfile or manifest on which no sampled frame depends are compared too, or reported as not compared."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def quiet(stage: str, done: int, total: int) -> None:
 
 
 def three_scenes() -> DatasetPlan:
-    """Three variants, each of a scene of its own."""
+    """Return three variants, each with its own scene."""
     first = fakes.dataset_plan(frames=4, weathers=1).variants[0]
     variants = tuple(
         first.model_copy(update={"variant": f"v={n}", "scene": _starting_at(first.scene, n)}) for n in range(3)
@@ -85,13 +85,13 @@ def edit_manifest(root: Path, edit: Any) -> None:
     (root / "manifest.json").write_text(pretty(manifest))
 
 
-def test_an_honest_dataset_passes_without_notes(built: Path) -> None:
+def test_an_unchanged_dataset_passes_without_notes(built: Path) -> None:
     report = check_folder(built)
     assert (report.verdict, report.differences, report.notes) == ("PASS", [], [])
 
 
 @pytest.mark.parametrize("variant", ["v=0", "v=1", "v=2"])
-def test_forged_tracks_fail_though_no_frame_of_the_scene_is_drawn(copy: Path, variant: str) -> None:
+def test_forged_tracks_fail_though_no_frame_of_the_scene_is_sampled(copy: Path, variant: str) -> None:
     path, text = f"{variant}/tracks.csv", b"frame,forged\n0,1\n"
     (copy / path).unlink()
     (copy / path).write_bytes(text)
@@ -102,20 +102,20 @@ def test_forged_tracks_fail_though_no_frame_of_the_scene_is_drawn(copy: Path, va
     assert any(d.path == path for d in report.differences)
 
 
-def test_a_forged_trace_digest_fails_though_no_frame_of_the_scene_is_drawn(locked: Lockfile) -> None:
+def test_a_forged_trace_digest_fails_though_no_frame_of_the_scene_is_sampled(locked: Lockfile) -> None:
     for scene in locked.traces:
         assert check(replace(locked, traces={**locked.traces, scene: "0" * 64})).verdict == "FAIL"
 
 
 @pytest.mark.parametrize("variant", ["v=0", "v=1", "v=2"])
 def test_a_dataset_with_a_forged_trace_digest_does_not_pass(copy: Path, variant: str) -> None:
-    """A manifest does not name a C library, so its motion alone is INCONCLUSIVE."""
+    """A manifest does not record the C library, so a difference in motion is only INCONCLUSIVE."""
     edit_manifest(copy, lambda manifest: manifest["variants"][variant].update(trace="0" * 64))
     assert check_folder(copy).verdict != "PASS"
 
 
 def test_scenes_that_are_not_simulated_are_reported(locked: Lockfile, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Verification stays quick for a plan of many scenes, and states what it left out."""
+    """Verification simulates a limited number of scenes, and states what it omitted."""
     monkeypatch.setattr(sampling, "MAX_SCENES", 2)
     report = check(locked)
     assert report.verdict == "PASS"
@@ -123,7 +123,7 @@ def test_scenes_that_are_not_simulated_are_reported(locked: Lockfile, monkeypatc
 
 
 def test_forged_checkpoints_of_a_body_fail(locked: Lockfile) -> None:
-    """Checkpoints decide which frames another host may excuse, so they must be those of the locked Trace."""
+    """Checkpoints determine which frames can be excused on another host, so they must be those of the locked Trace."""
     for key, motion in locked.bodies.items():
         forged = replace(motion, checkpoints=tuple("deadbeef" for _ in motion.checkpoints))
         report = check(replace(locked, bodies={**locked.bodies, key: forged}))
@@ -144,8 +144,8 @@ def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile,
 
 
 @pytest.mark.parametrize("fault", ["no actors", "one frame", "other parts"])
-def test_a_locked_trace_that_is_no_motion_of_its_scene_fails(locked: Lockfile, fault: str) -> None:
-    """The frames would be rendered from this host's motion, while the report said that they were not."""
+def test_a_locked_trace_that_does_not_fit_its_scene_fails(locked: Lockfile, fault: str) -> None:
+    """Otherwise frames would be rendered from this host's motion, against the report."""
     scene = PLAN.variants[0].scene
     true = fakes.simulate(scene)
     fields = ("positions", "rotations", "linear", "angular")
@@ -205,7 +205,7 @@ def test_rows_of_tools_have_known_names_and_versions(
     reports = (
         check_folder(copy),
         verify_files(held, Options(nonce=1), quiet),
-        check(locked, dataset=held),  # a recipe's own lockfile, and a dataset that is not its
+        check(locked, dataset=held),  # a recipe's lockfile and a dataset of another one
     )
     for report in reports:
         assert report.verdict == "FAIL"

@@ -1,4 +1,4 @@
-"""A forged digest of motion alone excuses no forged frame, and honest motion of another host raises no false alarm."""
+"""A forged digest of the motion excuses no forged frame, and motion of another host causes no false alarm."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def quiet(stage: str, done: int, total: int) -> None:
 
 
 def moved(scene: ScenePlan) -> Trace:
-    """Another host's simulation: all bodies are a metre off from frame 3 on."""
+    """Simulate as another host could: all bodies are offset by 1 m from frame 3 on."""
     trace = fakes.simulate(scene)
     positions = trace.positions.copy()
     positions[3:, :, 1] += METRE
@@ -66,19 +66,19 @@ def check(forged: Lockfile, **more: Any) -> Report:
 
 
 def other_motion(locked: Lockfile, **changes: Any) -> Lockfile:
-    """A lockfile whose traces and bodies are forged, so that nothing of its motion agrees."""
+    """Return a lockfile with forged rows of traces and bodies."""
     bodies = {key: replace(motion, digest="1" * 64, checkpoints=()) for key, motion in locked.bodies.items()}
     bodies = changes.pop("bodies", bodies)
     return replace(locked, traces=dict.fromkeys(locked.traces, "0" * 64), bodies=bodies, **changes)
 
 
-def test_a_trace_digest_that_its_own_bodies_contradict_fails(locked: Lockfile) -> None:
+def test_a_trace_digest_that_contradicts_its_bodies_fails(locked: Lockfile) -> None:
     report = check(other_motion(locked, bodies=locked.bodies))
     assert (report.verdict, report.stage) == ("FAIL", "trace")
     assert "the lockfile contradicts itself" in report.differences[0].message
 
 
-def test_frames_are_compared_though_the_motion_is_said_to_be_another(locked: Lockfile) -> None:
+def test_frames_are_compared_though_the_lockfile_claims_another_motion(locked: Lockfile) -> None:
     assert check(other_motion(locked, bodies={})).verdict == "INCONCLUSIVE"  # nothing else differs
     frames = {**locked.frames, next(k for k in locked.frames if k[2] == "rgb"): "0" * 64}
     report = check(other_motion(locked, bodies={}, frames=frames))
@@ -86,8 +86,8 @@ def test_frames_are_compared_though_the_motion_is_said_to_be_another(locked: Loc
     assert (report.verdict, [d.stage for d in report.differences]) == ("FAIL", ["trace", "shading"])
 
 
-def test_frames_before_the_bodies_part_have_no_excuse(locked: Lockfile) -> None:
-    """A host with other motion from frame 3 on is inconclusive; forged labels of frame 0 are not excused by it."""
+def test_frames_before_the_bodies_diverge_have_no_excuse(locked: Lockfile) -> None:
+    """Other motion from frame 3 on makes the result inconclusive, but does not excuse forged labels of frame 0."""
     engines = replace(fakes.ENGINES, simulate=moved)
     honest = check(locked, engines=engines)
     assert honest.verdict == "INCONCLUSIVE"
@@ -101,7 +101,7 @@ def test_frames_before_the_bodies_part_have_no_excuse(locked: Lockfile) -> None:
 
 
 class ShadowRenderer(fakes.Renderer):
-    """The van is behind the camera: its shadow, which reddens the picture, is all that is seen of it."""
+    """Render the shadow of a van behind the camera, as a red tint; the van itself is not visible."""
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> fakes.Seen:
         self._red = int(parts[2][1, 3] * 8) % 128
@@ -114,7 +114,7 @@ class ShadowRenderer(fakes.Renderer):
 
 
 def behind(scene: ScenePlan) -> Trace:
-    """The fakes' motion, with the van behind the camera."""
+    """Simulate the fakes' motion, with the van behind the camera."""
     trace = fakes.simulate(scene)
     positions = trace.positions.copy()
     positions[:, 2, 0] = -5 * METRE
@@ -122,7 +122,7 @@ def behind(scene: ScenePlan) -> Trace:
 
 
 def behind_elsewhere(scene: ScenePlan) -> Trace:
-    """The same as another host simulates it: the van, which no camera sees, is a metre off from frame 3 on."""
+    """Simulate as another host could: the invisible van is offset by 1 m from frame 3 on."""
     trace = behind(scene)
     positions, linear = trace.positions.copy(), trace.linear.copy()
     positions[3:, 2, 1] += METRE
@@ -144,7 +144,7 @@ def forged_rgb(lock: Lockfile, frame: int) -> Lockfile:
     return replace(lock, frames={**lock.frames, row: "0" * 64})
 
 
-def test_the_shadow_of_a_body_outside_the_picture_is_no_false_alarm(locked_shadows: Lockfile) -> None:
+def test_the_shadow_of_a_body_outside_the_picture_causes_no_false_alarm(locked_shadows: Lockfile) -> None:
     report = check(locked_shadows, engines=SHADOWS_ELSEWHERE)
     assert report.verdict == "INCONCLUSIVE"
     frames = {(d.stage, d.frame, d.modality) for d in report.differences if d.frame is not None}
@@ -160,7 +160,7 @@ def test_forged_colours_before_the_motion_differs_fail(locked_shadows: Lockfile,
 
 
 def test_forged_colours_fail_where_no_other_motion_is_recorded(locked_shadows: Lockfile) -> None:
-    """Another digest of the trace, and no row that says which body differs."""
+    """The digest of the trace differs, but no row states which body differs."""
     report = check(other_motion(forged_rgb(locked_shadows, 3), bodies={}), engines=SHADOWS)
     assert (report.verdict, [d.stage for d in report.differences if d.excuse is None]) == ("FAIL", ["shading"])
 
@@ -176,8 +176,8 @@ def test_a_scene_without_bodies_has_no_other_motion() -> None:
 
 
 @pytest.mark.slow
-def test_a_rendered_body_outside_the_picture_changes_colours_alone() -> None:
-    """Why colours have an excuse: nothing but them shows where a body is that casts its shadow into the picture."""
+def test_a_rendered_body_outside_the_picture_changes_only_colours() -> None:
+    """So colours have an excuse that labels do not have: a body outside the picture can cast its shadow into it."""
     pole = Body("pole", 14001, (("base", box([-0.5, -0.5, 0], [0.5, 0.5, 3], street.PAINT)),))
     renderer = Renderer([Body("road", 0, (("base", street.ground(60, street.ROAD)),)), pole])
     looks = {"road": {"asphalt": "#4a4a4c"}, "pole": {"paint": "#1f4f9a"}}
@@ -215,7 +215,7 @@ def test_a_dataset_of_other_motion_is_inconclusive(built: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("tracks", ["another host's", "this host's"])
 def test_a_dataset_is_excused_by_its_tracks(tmp_path: Path, tracks: str) -> None:
-    """A manifest has no rows of bodies: whether a dataset shows other motion at all is for its tracks to say."""
+    """A manifest has no rows of bodies, so the dataset's tracks must show whether its motion differs."""
     root = tmp_path / "tiny"
     build(PLAN, root, workers=0, cache=tmp_path / "cache", engines=SHADOWS_ELSEWHERE)
     report = check_folder(root, SHADOWS)
@@ -234,8 +234,8 @@ def test_a_dataset_is_excused_by_its_tracks(tmp_path: Path, tracks: str) -> None
         assert {d.frame for d in report.differences if d.excuse is None and d.frame is not None} == {3}
 
 
-def test_a_datasets_pictures_must_be_its_own_digests(built: Path, tmp_path: Path) -> None:
-    """A forged picture of which the manifest has the file's SHA-256, but another digest of the pixels."""
+def test_a_datasets_pictures_must_have_its_digests(built: Path, tmp_path: Path) -> None:
+    """The manifest has the SHA-256 of a forged file, but another digest of its pixels."""
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     (root / RGB).unlink()

@@ -1,4 +1,4 @@
-"""The verifier's sample: spread, repeatable by its nonce, and as strong as it claims."""
+"""The verifier's sample: uniform, repeatable by its nonce, and with the stated confidence."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ def test_the_sample_is_a_repeatable_choice_without_replacement(total: int, data:
     assert set(chosen) <= set(range(total))
 
 
-def test_every_frame_is_drawn_as_often() -> None:
+def test_every_frame_is_equally_likely() -> None:
     counts = [0] * 13
     for nonce in range(2600):
         for place in draw(range(13), 5, nonce):
@@ -26,7 +26,7 @@ def test_every_frame_is_drawn_as_often() -> None:
     assert all(abs(count - 1000) < 110 for count in counts)
 
 
-def test_nonces_choose_differently() -> None:
+def test_different_nonces_give_different_samples() -> None:
     assert draw(range(1000), 10, 1) != draw(range(1000), 10, 2)
 
 
@@ -36,15 +36,15 @@ def test_the_rule_of_three(confidence: float, bound: float, k: int) -> None:
     assert Bound(k, 10_000, confidence).differing <= bound < Bound(k - 1, 10_000, confidence).differing
 
 
-def test_a_small_dataset_is_checked_whole() -> None:
+def test_a_small_dataset_is_compared_in_full() -> None:
     assert sample_size(20, 0.95, 0.05) == 20
     assert Bound(20, 20, 0.95).differing == 0.0
     assert str(Bound(20, 20, 0.95)) == "all 20 frames checked"
 
 
 @pytest.mark.parametrize("bad", [range(4), range(76, 80), (1, 21, 41, 61)])
-def test_the_sample_misses_no_more_often_than_it_says(bad: Sequence[int]) -> None:
-    """5 % of 80 frames differ, wherever they are: the sample of 59 misses them far more rarely than in 5 % of runs."""
+def test_the_sample_misses_differences_as_rarely_as_stated(bad: Sequence[int]) -> None:
+    """If any 5 % of 80 frames differ, a sample of 59 misses all of them in far less than 5 % of runs."""
     missed = sum(not set(bad).intersection(draw(range(80), 59, nonce)) for nonce in range(2000))
     assert missed <= 2000 * 0.05 * 0.5
 
@@ -60,7 +60,7 @@ def test_scenes_of_drawn_frames_and_others_up_to_a_limit(scenes: int, drawn: int
     assert found == draw_scenes(names, set(names[-drawn:]), nonce=7)
 
 
-def test_a_report_tells_files_that_differ_from_frames_that_differ() -> None:
+def test_a_report_separates_differing_files_from_differing_frames() -> None:
     """FAIL with `0 of them differ` would contradict itself."""
 
     def extent(*differences: Difference) -> str:

@@ -1,4 +1,4 @@
-"""The self-test finds the stage that differs, gives a reason if it may differ, and confirms a host that agrees."""
+"""The self-test finds the first stage that differs, states a possible reason, and confirms a host that agrees."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def quiet(*_: object) -> None:
 
 @pytest.fixture
 def golden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Golden digests of the light engines, in place of those that ship."""
+    """Golden digests of the fake engines, in place of the shipped ones."""
     made = build(PLAN, tmp_path / "made", workers=0, cache=tmp_path / "cache", engines=ENGINES)
     lock(PLAN, "x.yaml", {"x.yaml": "aa"}, workers=0, progress=quiet, engines=ENGINES).write(tmp_path / "golden.lock")
     rows = self_test.file_rows(made.manifest["files"])
@@ -63,7 +63,7 @@ CHANGES: dict[str, Callable[[Lockfile], dict[str, Any]]] = {
 }
 
 
-def test_what_is_equal_is_reported_so(golden: Path) -> None:
+def test_equal_stages_are_reported(golden: Path) -> None:
     assert set(_states().values()) == {"equal"}
 
 
@@ -80,14 +80,14 @@ def test_the_first_stage_that_differs_is_named(golden: Path, stage: str) -> None
 
 
 @pytest.mark.parametrize(("ending", "stage"), [("rgb/000001.png", "encoding"), ("kwcoco.json", "annotate")])
-def test_a_file_that_differs_is_its_stage(golden: Path, ending: str, stage: str) -> None:
+def test_a_differing_file_belongs_to_its_stage(golden: Path, ending: str, stage: str) -> None:
     lines = (golden / "golden.files").read_text().splitlines()
     lines = [("0" * 64 + line[64:]) if line.endswith(ending) else line for line in lines]
     (golden / "golden.files").write_text("\n".join(lines) + "\n")
     assert _states()[stage] == "differs"
 
 
-def test_another_tool_is_a_reason_and_no_promise(golden: Path) -> None:
+def test_another_tool_version_is_a_possible_reason(golden: Path) -> None:
     held = lockfile.read(golden / "golden.lock")
     changed = replace(held, **CHANGES["shading"](held), tools={**held.tools, "warp-lang": "0.1"})
     changed.write(golden / "golden.lock")
@@ -97,7 +97,7 @@ def test_another_tool_is_a_reason_and_no_promise(golden: Path) -> None:
     assert "warp-lang 0.1" in found.tiers["A"]
 
 
-def test_a_host_that_cannot_is_reported_why(golden: Path) -> None:
+def test_a_host_that_cannot_run_a_stage_gets_the_reason(golden: Path) -> None:
     def barred(scene: ScenePlan) -> NoReturn:
         raise RunError("there is no PyBullet here")
 
@@ -109,10 +109,10 @@ def test_a_host_that_cannot_is_reported_why(golden: Path) -> None:
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
 @pytest.mark.parametrize(("state", "code"), [("equal", 0), ("differs", 1), ("not reached", 1), ("may differ", 0)])
-def test_the_exit_code_is_1_where_tier_a_is_denied(
+def test_the_exit_code_is_1_without_tier_a(
     monkeypatch: pytest.MonkeyPatch, options: list[str], state: Any, code: int
 ) -> None:
-    """A host without PyBullet got `tier A: no`, but the command's exit code was 0."""
+    """Regression: on a host without PyBullet the report said `tier A: no`, but the exit code was 0."""
     host = self_test.fingerprint([])
     found = self_test.Examination(host, [self_test.Check(stage, state, "a reason") for stage in self_test.STAGES])
     monkeypatch.setattr(self_test, "examine", lambda progress: found)
@@ -129,7 +129,7 @@ def test_the_fingerprint_names_no_host_user_or_place() -> None:
 
 
 @pytest.mark.slow
-def test_this_host_makes_the_bytes_that_ship() -> None:
+def test_this_host_reproduces_the_shipped_digests() -> None:
     found = self_test.examine(quiet, gpus=[])
     assert [(c.stage, c.state, c.reason) for c in found.checks] == [(s, "equal", "") for s in self_test.STAGES]
     assert found.tiers == {"A": "yes", "B": "no CUDA GPU here"}

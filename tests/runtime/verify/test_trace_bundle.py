@@ -1,4 +1,4 @@
-"""Traces beside a lockfile come back whole, and only those that the lockfile vouches for."""
+"""Traces beside a lockfile round-trip, and only those with a digest in the lockfile are used."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LOCKED = {scene: trace.digest for scene, trace in TRACES.items()}
 LIMITS = dict.fromkeys(TRACES, 1 << 20)
 
 
-def test_traces_come_back_whole(tmp_path: Path) -> None:
+def test_traces_round_trip(tmp_path: Path) -> None:
     path = trace_bundle.beside(tmp_path / "street.lock")
     assert path.name == "street.traces"
     assert trace_bundle.write(path, TRACES)
@@ -29,7 +29,7 @@ def test_traces_come_back_whole(tmp_path: Path) -> None:
     assert {s: t.digest for s, t in trace_bundle.read(path, LOCKED, LIMITS).items()} == LOCKED
 
 
-def test_no_file_is_no_trace(tmp_path: Path) -> None:
+def test_a_missing_file_has_no_traces(tmp_path: Path) -> None:
     assert trace_bundle.read(tmp_path / "street.traces", LOCKED, LIMITS) == {}
 
 
@@ -39,7 +39,7 @@ def test_a_trace_that_the_lockfile_does_not_name_is_refused(tmp_path: Path) -> N
         trace_bundle.read(tmp_path / "a.traces", {**LOCKED, SCENES[0].digest: "0" * 64}, LIMITS)
 
 
-def test_a_trace_under_anothers_digest_is_refused(tmp_path: Path) -> None:
+def test_a_trace_under_the_digest_of_another_is_refused(tmp_path: Path) -> None:
     forged: dict[str, Trace] = {}
     for scene, trace in TRACES.items():
         forged[scene] = replace(trace, positions=trace.positions + 1)
@@ -51,7 +51,7 @@ def test_a_trace_under_anothers_digest_is_refused(tmp_path: Path) -> None:
         trace_bundle.read(tmp_path / "a.traces", LOCKED, LIMITS)
 
 
-def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+def test_a_decompression_bomb_is_not_unpacked(tmp_path: Path) -> None:
     packed = zlib.compress(b"\0" * (1 << 24), 9)
     scene = SCENES[0].digest
     for reported in (1000, 1 << 40, -1):
@@ -63,7 +63,7 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, len(trace_bundle.dumps(TRACES)) - 1), value=st.integers(0, 255), cut=st.booleans())
-def test_any_damage_is_the_locked_motion_or_a_clear_refusal(tmp_path: Path, at: int, value: int, cut: bool) -> None:
+def test_a_damaged_file_gives_the_locked_motion_or_is_refused(tmp_path: Path, at: int, value: int, cut: bool) -> None:
     body = bytearray(trace_bundle.dumps(TRACES))
     body[at] = value
     path = tmp_path / "a.traces"
@@ -75,8 +75,8 @@ def test_any_damage_is_the_locked_motion_or_a_clear_refusal(tmp_path: Path, at: 
     assert all(LOCKED[scene] == trace.digest for scene, trace in found.items())
 
 
-def test_the_file_is_what_compressing_each_trace_at_once_gives() -> None:
-    """Traces are packed piece by piece; the file's bytes do not say so."""
+def test_chunked_compression_gives_the_bytes_of_compression_at_once() -> None:
+    """Traces are compressed in chunks, which must not change the file."""
     scene = scene_plan(2000)
     trace = simulate(scene)
     raw = trace.to_bytes()
@@ -85,8 +85,8 @@ def test_the_file_is_what_compressing_each_trace_at_once_gives() -> None:
     assert trace_bundle.dumps({scene.digest: trace}) == b"recipe-traces 1\n" + head + packed
 
 
-def test_a_scene_has_one_trace_of_at_most_its_motion(tmp_path: Path) -> None:
-    """Forty rows of one scene, each unpacked to a quarter of a gigabyte, filled the disk."""
+def test_a_scene_has_one_trace_of_bounded_size(tmp_path: Path) -> None:
+    """Regression: 40 rows of one scene, each unpacked to 256 MiB, filled the disk."""
     path, one = tmp_path / "a.traces", {SCENES[0].digest: TRACES[SCENES[0].digest]}
     body = trace_bundle.dumps(one)
     head = b"recipe-traces 1\n"

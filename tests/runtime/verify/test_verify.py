@@ -1,6 +1,6 @@
-"""The verifier: silent on what is equal, and at the right stage loud on what is not.
+"""The verifier passes equal datasets, and reports a difference at the right stage.
 
-The engines are those of fakes.py, so that every stage can be tampered with on its own.
+The engines are those of fakes.py, so that each stage can be changed separately.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def check_folder(root: Path, **more: Any) -> Report:
     return verify(held.plan, held.lock, options, quiet, dataset=held, engines=fakes.ENGINES)
 
 
-def test_what_is_equal_passes(locked: Lockfile) -> None:
+def test_an_equal_lockfile_passes(locked: Lockfile) -> None:
     report = check(locked)
     assert (report.verdict, report.stage, report.differences) == ("PASS", None, [])
     assert report.bound.checked == report.bound.total == 4 * 2 * 6
@@ -113,8 +113,8 @@ ROW = ("0" * 16, "street", "rgb", 3)
         ({"recipe": "imagenet"}, "it is of the recipe 'imagenet', and this is 'tiny'"),
     ],
 )
-def test_a_lockfile_holds_just_the_rows_of_its_recipe(locked: Lockfile, change: dict[str, Any], says: str) -> None:
-    """Seals are untrusted: omitted and added rows are found by comparison with the plan, in verify and in build."""
+def test_a_lockfile_has_exactly_the_rows_of_its_recipe(locked: Lockfile, change: dict[str, Any], says: str) -> None:
+    """Seals are untrusted: missing and surplus rows are found by comparison with the plan, in verify and in build."""
     frames = {"frames": {**locked.frames, **change["frames"]}} if change.get("frames") else {}
     other = replace(locked, **{**change, **frames})
     report = check(other, everything=False, count=1)
@@ -123,7 +123,7 @@ def test_a_lockfile_holds_just_the_rows_of_its_recipe(locked: Lockfile, change: 
     assert any(says in d.message for d in compare_locks(PLAN, other, locked))
 
 
-def test_no_bound_is_claimed_where_something_differs(locked: Lockfile) -> None:
+def test_no_confidence_bound_is_stated_after_a_difference(locked: Lockfile) -> None:
     wrong = replace(locked, frames=dict.fromkeys(locked.frames, "0" * 64))
     report = check(wrong)
     assert report.extent == "48 of 48 frames compared, 48 of them differ"
@@ -143,7 +143,7 @@ def test_a_build_is_compared_with_its_lockfile_stage_by_stage(locked: Lockfile) 
 
 
 def test_an_edited_recipe_is_reported(locked: Lockfile) -> None:
-    """Another text of the same plan is a note; another plan is a difference, and names the file."""
+    """Another text with an equal plan is a note; another plan is a difference that names the file."""
     edited = replace(locked, files={"tiny.yaml": "b" * 64})
     report = check(edited)
     assert (report.verdict, report.differences) == ("PASS", [])
@@ -153,8 +153,8 @@ def test_an_edited_recipe_is_reported(locked: Lockfile) -> None:
     assert "tiny.yaml has changed since it was locked" in str(report.differences[0])
 
 
-def test_a_renamed_recipe_is_noted_with_the_name_under_which_it_was_locked(locked: Lockfile) -> None:
-    """The note said that the file was not locked, or that its text had changed, and nothing if only the name had."""
+def test_a_renamed_recipe_is_noted_with_its_locked_name(locked: Lockfile) -> None:
+    """Regression: the note said that the file was not locked or its text had changed; there was none for a new name."""
     (same,) = locked.files.values()
     assert text_note(locked, PLAN.digest, {"new.yaml": same}) == "new.yaml was locked as tiny.yaml; the plan is equal"
     other = "new.yaml was locked as tiny.yaml, with another text; the plan is equal"
@@ -173,7 +173,7 @@ def test_another_plan_is_reported_by_its_part(locked: Lockfile) -> None:
 
 
 def _noisy_simulate(scene: ScenePlan) -> Trace:
-    """A planted random number: one body is off by a grid step from frame 3 on."""
+    """Simulate with an error: one body is offset by a grid step from frame 3 on."""
     trace = fakes.simulate(scene)
     positions = trace.positions.copy()
     positions[3:, 1, 0] += random.Random().randint(1, 9)
@@ -194,14 +194,14 @@ class _NoisyObserver(fakes.Renderer):
         return seen
 
 
-def test_a_random_number_in_the_simulation_is_caught_with_its_body(locked: Lockfile) -> None:
+def test_an_error_of_the_simulation_is_reported_with_its_body(locked: Lockfile) -> None:
     report = check(locked, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
     assert (report.verdict, report.stage) == ("FAIL", "trace")
     assert "body hero2 diverges at frame 3 (from step 72); 1 of 3 bodies differ" in str(report.differences[0])
 
 
 def _moved(scene: ScenePlan) -> Trace:
-    """Another host's simulation: the same but for a step of the second body."""
+    """Simulate as another host could: the second body is offset by a grid step."""
     trace = fakes.simulate(scene)
     positions = trace.positions.copy()
     positions[3, 1, 0] += 1
@@ -215,7 +215,7 @@ def _barred(scene: ScenePlan) -> Trace:
 OTHER_PYTHON = {**host_versions(), "python": "3.9"}
 
 
-def test_another_host_goes_on_from_the_locked_motion(locked: Lockfile) -> None:
+def test_another_host_compares_frames_from_the_locked_motion(locked: Lockfile) -> None:
     held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
     for engines, says in (
         (replace(fakes.ENGINES, simulate=_moved), "body hero2 diverges at frame 3"),
@@ -228,7 +228,7 @@ def test_another_host_goes_on_from_the_locked_motion(locked: Lockfile) -> None:
         assert difference.message.endswith("frames are compared from the locked motion on")
 
 
-def test_a_difference_after_the_locked_motion_is_no_excuse(locked: Lockfile) -> None:
+def test_other_motion_does_not_excuse_frames_rendered_from_the_locked_motion(locked: Lockfile) -> None:
     held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
     frames = {**locked.frames, next(k for k in locked.frames if k[2] == "rgb"): "0" * 64}
     engines = replace(fakes.ENGINES, simulate=_moved)
@@ -237,35 +237,33 @@ def test_a_difference_after_the_locked_motion_is_no_excuse(locked: Lockfile) -> 
     assert [d.stage for d in report.differences] == ["trace", "shading"]
 
 
-def test_where_this_host_must_agree_the_locked_motion_is_not_used(locked: Lockfile) -> None:
+def test_the_locked_motion_is_not_used_on_a_host_that_must_agree(locked: Lockfile) -> None:
     held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
     report = check(locked, engines=replace(fakes.ENGINES, simulate=_moved), traces=held)
     assert (report.verdict, report.stage, report.bound.checked) == ("FAIL", "trace", 0)
 
 
 @pytest.mark.parametrize(("renderer", "stage"), [(_NoisyShader, "shading"), (_NoisyObserver, "observation")])
-def test_a_random_number_in_the_renderer_is_caught(
-    locked: Lockfile, renderer: type[fakes.Renderer], stage: str
-) -> None:
+def test_an_error_of_the_renderer_is_reported(locked: Lockfile, renderer: type[fakes.Renderer], stage: str) -> None:
     engines = replace(fakes.ENGINES, renderer=lambda scene, device: renderer(scene))
     report = check(locked, engines=engines)
     assert (report.verdict, report.stage) == ("FAIL", stage)
 
 
-def test_another_stage_version_is_inconclusive_from_there_on(locked: Lockfile) -> None:
+def test_another_stage_version_is_inconclusive_from_that_stage_on(locked: Lockfile) -> None:
     engines = replace(fakes.ENGINES, renderer=lambda scene, device: _NoisyShader(scene))
     newer = replace(locked, stages={**locked.stages, "observe": 2}, tools={**locked.tools, "dataset-recipe": "99.0"})
     report = check(newer, engines=engines)
     assert (report.verdict, report.stage) == ("INCONCLUSIVE", "shading")
     assert "observe version 2, this is 1; dataset-recipe 99.0 reproduces it" in str(report.differences[0])
-    assert check(newer).verdict == "PASS"  # equal bytes are equal, whatever made them
+    assert check(newer).verdict == "PASS"  # equal bytes pass with any version
 
 
 @pytest.mark.parametrize(
     ("stages", "tools"),
     [
         ({}, {"warp-lang": "0.1", "numpy": "1.0", "pycocotools": "1", "glibc": "2.17", "python": "3.9"}),
-        ({"shade": 2}, {}),  # of this very release, which has version 1
+        ({"shade": 2}, {}),  # of this release, which has version 1
         ({"shade": 2}, {"dataset-recipe": "0.0.1"}),  # an older release with a higher version
         ({"shade": 0}, {"dataset-recipe": "0.0.1"}),
         ({"shade": 10**6}, {"dataset-recipe": "99.0"}),
@@ -284,7 +282,7 @@ def test_a_forged_version_excuses_no_forged_frame(
 @pytest.mark.parametrize(
     "tools", [{"glibc": "9999.1"}, {"glibc": "none of yours"}, {"python": "2.7"}, {"numpy": "1.0"}]
 )
-def test_an_absurd_c_library_excuses_no_motion(locked: Lockfile, tools: dict[str, str]) -> None:
+def test_an_invalid_c_library_version_excuses_no_motion(locked: Lockfile, tools: dict[str, str]) -> None:
     moved = check(replace(locked, tools={**locked.tools, **tools}), engines=replace(fakes.ENGINES, simulate=_moved))
     assert moved.verdict == "FAIL"
     assert any(d.stage == "trace" and d.excuse is None for d in moved.differences)
@@ -302,7 +300,7 @@ def test_forged_labels_are_not_excused_by_a_tool(built: Path, tmp_path: Path) ->
     assert check_folder(root).verdict == "FAIL"
 
 
-def test_another_tool_is_an_excuse_for_its_own_stage_alone(locked: Lockfile) -> None:
+def test_another_tool_version_excuses_only_its_stage(locked: Lockfile) -> None:
     elsewhere = replace(locked, tools={**locked.tools, "glibc": "2.17"})
     moved = check(elsewhere, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
     assert (moved.verdict, moved.stage) == ("INCONCLUSIVE", "trace")
@@ -317,7 +315,7 @@ def test_a_dataset_passes_without_its_recipe(built: Path) -> None:
 
 
 @pytest.mark.parametrize("modality", ["rgb", "depth", "instance", "semantic"])
-def test_a_flipped_bit_in_a_picture_is_found_and_drawn(built: Path, tmp_path: Path, modality: str) -> None:
+def test_a_flipped_bit_in_a_picture_is_detected_and_drawn(built: Path, tmp_path: Path, modality: str) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     victim = root / "weather=w1,jitter=shaky" / "street" / modality / "000004.png"
@@ -326,12 +324,12 @@ def test_a_flipped_bit_in_a_picture_is_found_and_drawn(built: Path, tmp_path: Pa
     was = " ".join(map(str, np.atleast_1d(pixels[5, 7]).tolist()))
     pixels[5, 7] ^= 1
     now = " ".join(map(str, np.atleast_1d(pixels[5, 7]).tolist()))
-    victim.unlink()  # a label may be one file with another variant's
+    victim.unlink()  # a label file may be a hard link to another variant's
     Image.fromarray(pixels).save(victim)
     report = check_folder(root, pictures=tmp_path / "differences")
     assert (report.verdict, report.stage) == ("FAIL", "file")
     reported = f"{modality}/000004.png: 1 pixel differs: (7, 5) is {now} as recorded, {was} as rendered"
-    (difference,) = report.differences  # once: its bytes are the manifest's no more, which is the same news
+    (difference,) = report.differences  # reported once, and not also as a file with another digest
     assert reported in str(difference)
     assert (difference.recorded, difference.rendered) == (now, was)
     kinds = {Path(p).stem.rsplit("-", 1)[1] for p in report.pictures}
@@ -341,7 +339,7 @@ def test_a_flipped_bit_in_a_picture_is_found_and_drawn(built: Path, tmp_path: Pa
     assert red.tolist() == [[5, 7]]
 
 
-def test_any_damaged_missing_or_added_file_is_found(built: Path, tmp_path: Path) -> None:
+def test_any_damaged_missing_or_added_file_is_detected(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     text = (root / "annotations" / "kwcoco.json").read_text()
@@ -354,7 +352,7 @@ def test_any_damaged_missing_or_added_file_is_found(built: Path, tmp_path: Path)
     assert "file: extra.txt is not in the manifest" in messages
 
 
-def test_equal_pixels_in_other_bytes_are_a_matter_of_encoding(built: Path, tmp_path: Path) -> None:
+def test_equal_pixels_in_other_bytes_are_a_difference_of_encoding(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     victim = root / "weather=w0,jitter=still" / "street" / "rgb" / "000002.png"
@@ -365,7 +363,7 @@ def test_equal_pixels_in_other_bytes_are_a_matter_of_encoding(built: Path, tmp_p
     assert stages == {"encoding", "file"}
 
 
-def test_a_manifest_whose_digests_do_not_add_up_is_reported(built: Path, tmp_path: Path) -> None:
+def test_a_manifest_with_inconsistent_digests_is_reported(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     lockfile = datasets.read(root).lock
@@ -377,7 +375,7 @@ def test_a_manifest_whose_digests_do_not_add_up_is_reported(built: Path, tmp_pat
 
 
 def _reseal(root: Path, path: str) -> None:
-    """What a forger does: the manifest says of a changed or removed file what is true of it now."""
+    """Update the manifest for a changed or removed file, as a forger would."""
     manifest = json.loads((root / "manifest.json").read_text())
     if (root / path).is_file():
         body = (root / path).read_bytes()
@@ -398,7 +396,7 @@ def _reseal(root: Path, path: str) -> None:
         "README.md",
     ],
 )
-def test_a_forged_text_is_found_though_the_manifest_vouches_for_it(built: Path, tmp_path: Path, path: str) -> None:
+def test_a_forged_text_is_detected_though_the_manifest_agrees(built: Path, tmp_path: Path, path: str) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     text = (root / path).read_text()
@@ -409,13 +407,13 @@ def test_a_forged_text_is_found_though_the_manifest_vouches_for_it(built: Path, 
     _reseal(root, path)
     try:
         report = check_folder(root)
-    except InputError as error:  # a plan that is not the manifest's is refused when read
+    except InputError as error:  # a plan that differs from the manifest is refused on reading
         assert "plan" in str(error)
     else:
         assert report.verdict == "FAIL"
 
 
-def test_a_removed_picture_is_missed_though_the_manifest_forgot_it(built: Path, tmp_path: Path) -> None:
+def test_a_removed_picture_is_detected_though_the_manifest_agrees(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     path = "weather=w0,jitter=still/street/rgb/000003.png"
@@ -426,7 +424,7 @@ def test_a_removed_picture_is_missed_though_the_manifest_forgot_it(built: Path, 
 
 @pytest.mark.slow
 def test_a_text_of_another_release_is_inconclusive(built: Path, tmp_path: Path) -> None:
-    """The card's words may change from release to release; a dataset of another one is not called forged for it."""
+    """The text of the card may change between releases, which does not make a dataset forged."""
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     (root / "README.md").write_text((root / "README.md").read_text() + "\nIn other words.\n")
@@ -440,7 +438,7 @@ def test_a_text_of_another_release_is_inconclusive(built: Path, tmp_path: Path) 
     assert "made with dataset-recipe 0.0.9" in str(report.differences[0])
 
 
-def test_a_dataset_is_held_against_another_lockfile(locked: Lockfile, built: Path) -> None:
+def test_a_dataset_can_be_compared_with_another_lockfile(locked: Lockfile, built: Path) -> None:
     held = datasets.read(built)
     options = Options(nonce=1, count=1, workers=0)
     assert verify(PLAN, locked, options, quiet, files=FILES, dataset=held, engines=fakes.ENGINES).verdict == "PASS"
