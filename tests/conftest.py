@@ -1,6 +1,6 @@
-"""What every test shares: a cache of its own, so that none depends on what a user's cache holds; the skip of GPU tests.
+"""Fixtures of all tests: a private cache, and the skip of GPU tests.
 
-Under pytest-xdist each worker has a cache of its own too; workers share nothing but compiled kernels.
+With pytest-xdist each worker has its own cache; workers share only compiled kernels.
 """
 
 from __future__ import annotations
@@ -12,20 +12,22 @@ import pytest
 from hypothesis import settings
 from recipe_runtime.cache.store import kernel_cache
 
-settings.register_profile("any load", deadline=None)  # the time of an example says nothing where processes share cores
+# No deadline: the duration of an example is meaningless where processes share cores.
+settings.register_profile("any load", deadline=None)
 settings.load_profile("any load")
-gc.disable()  # until all tests are collected: imports and test items are kept, and Python's collector walks them all
+# Until all tests are collected: imports and test items stay in memory, and the garbage collector would scan them.
+gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """From here on the collector passes over what was imported, a million objects that no test frees."""
+    """Exclude imported objects, about a million that no test frees, from garbage collection."""
     gc.freeze()
     gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def private_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Traces are kept in a folder of this run. Compiled kernels stay where they are: they are keyed by their code."""
+    """Keep Traces in a folder of this run; compiled kernels, keyed by their code, stay in the user's cache."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RECIPE_KERNEL_CACHE", str(kernel_cache()))
         patch.setenv("RECIPE_CACHE", str(tmp_path_factory.mktemp("cache")))
@@ -33,7 +35,7 @@ def private_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip tests marked `gpu` where there is no CUDA GPU, which is asked for when the first of them runs."""
+    """Skip tests marked `gpu` where there is no CUDA GPU; CUDA is probed when the first of them runs."""
     if item.get_closest_marker("gpu") is not None:
         from recipe_runtime.render.device.setup import cuda_devices
 

@@ -1,4 +1,4 @@
-"""ARCHITECTURE.md's rules: imports run one way, and each engine has one door."""
+"""The rules of ARCHITECTURE.md: imports lead one way, and each engine is imported by few modules."""
 
 import pytest
 
@@ -9,8 +9,8 @@ ABOVE = {
     "recipe_runtime": {"recipe_cli"},
     "recipe_cli": set(),
 }
-# What the runtime may know of the compiler: values and arithmetic, never the language.
-# Only the door through which Python opens a recipe's file may compile one.
+# What the runtime may import of the compiler: values and arithmetic, never the language.
+# Only the module through which Python opens a recipe's file may compile one.
 COMPILES = "recipe_runtime/loading.py"
 DOORS = {
     "pybullet": {"recipe_runtime/simulation/bullet.py"},
@@ -29,13 +29,13 @@ DOORS = {
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_imports_run_one_way(package: str) -> None:
+def test_imports_lead_one_way(package: str) -> None:
     for path, tree in modules(package):
         wrong = {name for name in imports(tree) if name.split(".")[0] in ABOVE[package]}
         assert not wrong, f"{path} imports {sorted(wrong)}"
 
 
-def test_the_runtime_knows_plans_and_not_the_language() -> None:
+def test_the_runtime_imports_plans_and_not_the_language() -> None:
     for path, tree in modules("recipe_runtime"):
         for name in imports(tree):
             head, _, rest = name.partition(".")
@@ -45,7 +45,7 @@ def test_the_runtime_knows_plans_and_not_the_language() -> None:
 
 
 @pytest.mark.parametrize("engine", DOORS)
-def test_each_engine_has_one_door(engine: str) -> None:
+def test_each_engine_is_imported_by_its_listed_modules_only(engine: str) -> None:
     entered = set()
     for package in PACKAGES:
         for path, tree in modules(package):
@@ -53,4 +53,4 @@ def test_each_engine_has_one_door(engine: str) -> None:
                 doors = {door for door in DOORS[engine] if path == door or (door[-1] == "/" and path.startswith(door))}
                 assert doors, f"{path} imports {engine}; only {sorted(DOORS[engine])} may"
                 entered |= doors
-    assert entered == DOORS[engine], f"unused doors: {sorted(DOORS[engine] - entered)}"
+    assert entered == DOORS[engine], f"listed, but without an import: {sorted(DOORS[engine] - entered)}"

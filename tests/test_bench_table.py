@@ -1,4 +1,4 @@
-"""The table of `make bench` compares with the weather that takes longest, and says what was not measured."""
+"""The table of `make bench` compares with the slowest weather, and states what was not measured."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FOUND: dict[str, Any] = {
 }
 
 
-def test_goals_are_those_of_the_slower_weather() -> None:
+def test_goals_apply_to_the_slower_weather() -> None:
     (_, ratio), (_, passes) = texture_goals(FOUND)
     assert (ratio, passes) == ("45", "42 ms")
     table = textures_table(FOUND)
@@ -23,7 +23,7 @@ def test_goals_are_those_of_the_slower_weather() -> None:
     assert "- times an update, rainy, by turn: 45, 40, 220" in table
 
 
-def test_the_table_says_that_pytorch_is_not_installed() -> None:
+def test_the_table_states_that_pytorch_is_not_installed() -> None:
     without = {name: {k: v for k, v in row.items() if "forward" not in k} for name, row in FOUND["weathers"].items()}
     found = {**FOUND, "weathers": without}
     assert texture_goals(found)[-1][1] == "not measured: PyTorch is not installed"

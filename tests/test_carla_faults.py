@@ -1,4 +1,4 @@
-"""Bugs of CARLA's data collector (pull request 4992): a test for each shows that this project does not have it.
+"""Bugs of CARLA's data collector (pull request 4992): one test for each shows that this project does not have it.
 
 The numbers are those of the table in docs/carla.md. Other tests check some of the properties in more detail.
 """
@@ -64,7 +64,7 @@ def test_2_jitter_has_no_permanent_offset_and_its_own_bound_on_each_axis(tmp_pat
     found = poses - np.array([x, y, 2.0])
     assert np.all(np.abs(found) <= bounds)
     assert np.all(np.ptp(found, axis=0) > 1.9 * bounds)
-    assert np.all(np.abs(found.mean(axis=0)) < 4 * bounds / np.sqrt(3 * 400))  # four deviations of the mean
+    assert np.all(np.abs(found.mean(axis=0)) < 4 * bounds / np.sqrt(3 * 400))  # four standard errors
     assert abs(np.corrcoef(found[:-1, 0], found[1:, 0])[0, 1]) < 0.2  # frames are independent
 
 
@@ -133,7 +133,7 @@ def test_8_image_ids_do_not_collide(kwcoco: dict[str, list[dict[str, Any]]]) -> 
     assert len(set(ids)) == len(ids) == 96
 
 
-def test_9_mots_classes_are_trackevals() -> None:
+def test_9_mots_classes_are_those_of_trackeval() -> None:
     pedestrian, car, truck = 12, 14, 15
     assert (MOTS_CLASSES[pedestrian], MOTS_CLASSES[car]) == (2, 1)  # the collector wrote 4, and 10, the ignore class
     assert mots_id(pedestrian * 1000 + 7) == 2007
@@ -141,7 +141,7 @@ def test_9_mots_classes_are_trackevals() -> None:
     assert all(mots_id(tag * 1000 + 999) // 1000 == kind for tag, kind in MOTS_CLASSES.items())
 
 
-def test_10_every_sequence_keeps_its_frames_and_an_id_occurs_once_in_a_frame(dataset: Path) -> None:
+def test_10_every_sequence_has_all_its_frames_and_an_id_occurs_once_per_frame(dataset: Path) -> None:
     files = sorted((dataset / "mots" / "MOTS-train").glob("*/gt/gt.txt"))
     assert len(files) == 8
     for file in files:
@@ -152,7 +152,7 @@ def test_10_every_sequence_keeps_its_frames_and_an_id_occurs_once_in_a_frame(dat
 
 
 def test_10_parts_of_the_ignore_region_are_one_row() -> None:
-    """Traffic lights, and all that has no class, had several rows of one id in a frame."""
+    """In the collector, traffic lights and objects without a class had several rows with one ID in a frame."""
     masks = [np.asfortranarray(np.eye(2, 5, column, dtype=np.uint8)) for column in (0, 3)]
     counts = [pycocotools.mask.encode(mask)["counts"].decode() for mask in masks]
     records: list[Any] = [{"instance": 15001 + n, "counts": text} for n, text in enumerate(counts)]

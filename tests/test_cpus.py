@@ -1,8 +1,8 @@
 """Tier A: equal bytes on any x86-64 CPU, tested on emulated CPUs (Debian's qemu-user).
 
-Every process of the verification runs on the emulated CPU: the wrapper stands in for the interpreter, so that
-simulation and workers are emulated too. Compiled kernels are one machine code for all CPUs (render/device/setup.py), so
-they come from this host's cache; they run emulated.
+Every process of the verification runs on the emulated CPU: a wrapper replaces the interpreter, so that simulation and
+workers are emulated too. Compiled kernels have the same machine code for all CPUs (render/device/setup.py), so they are
+compiled natively and run emulated.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _RUN = "import sys; sys.executable = sys.argv.pop(1); from recipe_cli.main impor
 
 # Nehalem (2008) has SSE4.2 only. Sandy Bridge (2011) adds AVX, Haswell (2013) AVX2 and fused multiply-add.
 def _emulated(cpu: str, folder: Path) -> Path:
-    """An interpreter on an emulated CPU."""
+    """Return an interpreter on an emulated CPU."""
     wrapper = folder / f"python-{cpu}"
     wrapper.write_text(f'#!/bin/sh\nexec qemu-x86_64 -cpu {cpu} "{sys.executable}" "$@"\n')
     wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR)
@@ -52,7 +52,7 @@ def kernels() -> None:
 
 
 @pytest.mark.parametrize("cpu", ["SandyBridge", "Haswell"])
-def test_the_tiny_recipe_verifies_whole(cpu: str, tmp_path: Path) -> None:
+def test_all_frames_of_the_tiny_recipe_pass_verification(cpu: str, tmp_path: Path) -> None:
     python = _emulated(cpu, tmp_path)
     done = _run([python, "-c", _RUN, python, "verify", TINY, "--all", "--workers", "1"])
     assert done.returncode == 0, done.stdout + done.stderr
@@ -60,15 +60,15 @@ def test_the_tiny_recipe_verifies_whole(cpu: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cpu", ["Nehalem", "SandyBridge", "Haswell"])
-def test_files_are_encoded_alike(cpu: str, tmp_path: Path) -> None:
-    """The encoder chooses its code by the CPU, and must find the same repeats and codes in each."""
+def test_encoded_files_are_equal(cpu: str, tmp_path: Path) -> None:
+    """The encoder selects its code by the CPU, and must give the same bytes on each."""
     python = _emulated(cpu, tmp_path)
     done = _run([python, "-c", "from tests.runtime.core.test_codecs import digests; print(digests())"])
     assert done.stdout.strip() == str(PINNED), done.stderr
 
 
 def test_plans_and_motion_are_equal_without_avx(tmp_path: Path) -> None:
-    """Kernels cannot run there; the verdict says so, after plans and motion were found equal."""
+    """Kernels cannot run there, which the verdict states after plans and motion were equal."""
     python = _emulated("Nehalem", tmp_path)
     done = _run([python, "-c", _RUN, python, "verify", TINY, "--all", "--workers", "1", "--json"])
     (report,) = json.loads(done.stdout)

@@ -1,8 +1,8 @@
-"""Tier A within one host: the same bytes whatever the environment, the number of workers and the order.
+"""Tier A on one host: bytes do not depend on the environment, the number of workers and the order.
 
-Each case verifies every frame of tests/golden/tiny.yaml, whose lockfile is committed: so it also compares today's bytes
-with those of the day they were locked. A build in the environment as it is has the lockfile's identity. Whole emulated
-CPUs are in test_cpus.py.
+Each case verifies every frame of tests/golden/tiny.yaml against its committed lockfile, so it also compares bytes with
+earlier versions of the code. A build in an unchanged environment has the lockfile's identity. test_cpus.py tests
+emulated CPUs.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ LOCKED = ROOT / "tests" / "golden" / "lockfiles" / "tiny.lock"
 
 
 def _numpy_features() -> str:
-    """Every CPU feature that this numpy dispatches on and this host has."""
+    """Return the CPU features of this host for which this numpy has separate code."""
     from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
     return " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
 
 
 MASK = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"
-# One run masks all that chooses by the processor, one changes all else; what a differing one is due to, a run of each
-# variable alone finds.
+# One run masks all CPU features, the other changes everything else. To find the cause of a failure, change one variable
+# at a time.
 CASES: dict[str, tuple[dict[str, str], int]] = {
     "another processor": (
         {
@@ -59,7 +59,7 @@ CASES: dict[str, tuple[dict[str, str], int]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
-def test_the_golden_recipe_verifies(case: str, tmp_path: Path) -> None:
+def test_the_golden_recipe_passes_verification(case: str, tmp_path: Path) -> None:
     environment, workers = CASES[case]
     command = [sys.executable, "-m", "recipe_cli", "verify", str(TINY), "--all", "--json", "--workers", str(workers)]
     old = os.umask(0o077 if "USER" in environment else 0o022)
@@ -76,7 +76,7 @@ def test_the_golden_recipe_verifies(case: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_files_are_the_same_bytes_in_another_environment(tmp_path: Path) -> None:
-    """Not only the pixels and labels of the lockfile: every file of the dataset, annotations and all."""
+    """This includes every file of the dataset, in addition to the pixels and labels of the lockfile."""
     trees = []
     for name, environment, workers in (("a", {}, 1), ("b", {"TZ": "Asia/Kolkata", "PYTHONHASHSEED": "77"}, 2)):
         out = tmp_path / name

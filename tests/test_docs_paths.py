@@ -21,7 +21,7 @@ pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relativ
 
 
 def code_spans(text: str) -> set[str]:
-    """The words in backticks, and those of indented and fenced blocks."""
+    """Return the words in backticks and in indented and fenced blocks."""
     fenced = re.findall(r"^```.*?\n(.*?)^```", text, re.M | re.S)
     indented = re.findall(r"^ {4,}(.*)$", text, re.M)
     spans = re.findall(r"(?<!`)`([^`\n]+)`(?!`)", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S))
@@ -29,7 +29,7 @@ def code_spans(text: str) -> set[str]:
 
 
 def missing_paths(text: str) -> set[str]:
-    """Words that look like files of this repository, and are none."""
+    """Return words that look like files of this repository but do not exist."""
     roots = {**{top: ROOT / top for top in TOPS}, **PACKAGES}
     absent = set()
     for word in code_spans(text):
@@ -40,7 +40,7 @@ def missing_paths(text: str) -> set[str]:
 
 
 def missing_modules(text: str) -> set[str]:
-    """Dotted names in the three packages that are neither a module nor a name that a module defines."""
+    """Return dotted names in the three packages that are neither modules nor names that modules define."""
     return {name for name in re.findall(r"\brecipe_(?:compiler|runtime|cli)(?:\.\w+)+", text) if not _resolves(name)}
 
 
@@ -62,7 +62,7 @@ def _resolves(name: str) -> bool:
 
 
 def slugs(page: Path) -> set[str]:
-    """The anchors of a page's headings."""
+    """Return the anchors of a page's headings."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -86,7 +86,7 @@ def test_names_are_in_the_files_that_the_steps_give() -> None:
 
 
 @pages
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_have_existing_targets(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
         if "://" in target:
             continue
@@ -120,7 +120,7 @@ def test_the_tables_of_the_architecture_list_every_package_and_real_modules(top:
             assert place.exists() or place.with_suffix(".py").exists(), f"{package}: {module}"
 
 
-def test_what_is_missing_is_found() -> None:
+def test_missing_names_are_detected() -> None:
     assert missing_paths("see `docs/no_such_page.md` and `recipe_runtime/core/gone.py`") == {
         "docs/no_such_page.md",
         "recipe_runtime/core/gone.py",

@@ -1,6 +1,6 @@
-"""No entropy on the way to bytes: no clock, no random source, no libm, no BLAS, no unordered collection.
+"""No entropy in code that affects bytes: no clock, random source, libm, BLAS or unordered collection.
 
-The rules are over syntax, so they see every line, run or not. What stands apart is named here with its reason.
+The rules are checked on the syntax, so they cover every line. Exceptions are listed here with their reasons.
 """
 
 from __future__ import annotations
@@ -14,34 +14,34 @@ from tests.sources import PACKAGES, imports, modules, walk
 
 BANNED_IMPORTS = {"random", "secrets", "uuid", "datetime", "time", "socket", "getpass"}
 ALLOWED_IMPORTS = {
-    ("recipe_runtime/core/nonce.py", "secrets"): "the verifier's nonce, the one door to entropy",
+    ("recipe_runtime/core/nonce.py", "secrets"): "the verifier's nonce, the only use of entropy",
     ("recipe_runtime/core/timings.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build/pipeline.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build/ray.py", "socket"): "whether a Ray cluster answers",
-    ("recipe_runtime/build/ray.py", "time"): "how long a door that says nothing is waited at",
-    ("recipe_runtime/render/device/compiled.py", "time"): "how long another process's compiling is waited for",
-    ("recipe_compiler/lowering/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",
-    ("recipe_compiler/checks/references.py", "datetime"): "whether a recipe's date is one; never the clock",
+    ("recipe_runtime/build/ray.py", "time"): "timeout of a connection without an answer",
+    ("recipe_runtime/render/device/compiled.py", "time"): "timeout of waiting for the compilation of another process",
+    ("recipe_compiler/lowering/sun.py", "datetime"): "dates and times of a recipe; never the clock",
+    ("recipe_compiler/checks/references.py", "datetime"): "validation of a recipe's date; never the clock",
 }
 ALLOWED_ADDRESSES = {
-    "recipe_compiler/carla/actors.py": "the key of an entry of the configuration that was named, and is held",
-    "recipe_compiler/carla/scene.py": "the key of an entry of the configuration that was named, and is held",
-    "recipe_compiler/carla/sensors.py": "the key of an entry of the configuration that was grouped, and is held",
-    "recipe_compiler/checks/check.py": "the key of a section that was checked before, and is held",
-    "recipe_compiler/checks/findings.py": "the key of a problem that was found before, and is held",
-    "recipe_compiler/lowering/workload.py": "the key of sections whose cost was estimated before, and are held",
-    "recipe_compiler/source/merge.py": "the key of values that were merged before, and are held",
-    "recipe_compiler/lowering/lower.py": "the key of a scene or rig that was lowered before, and is held",
-    "recipe_runtime/annotate/actor_boxes.py": "the key of a body's shape, and is held",
-    "recipe_runtime/meshes/town.py": "the key of the town that was built last, and is held",
-    "recipe_runtime/meshes/smoothing.py": "the key of a surface that was numbered before, and is held",
+    "recipe_compiler/carla/actors.py": "id() as a key: a named entry of the configuration, kept alive",
+    "recipe_compiler/carla/scene.py": "id() as a key: a named entry of the configuration, kept alive",
+    "recipe_compiler/carla/sensors.py": "id() as a key: a grouped entry of the configuration, kept alive",
+    "recipe_compiler/checks/check.py": "id() as a key: a checked section, kept alive",
+    "recipe_compiler/checks/findings.py": "id() as a key: a reported problem, kept alive",
+    "recipe_compiler/lowering/workload.py": "id() as a key: sections with an estimate, kept alive",
+    "recipe_compiler/source/merge.py": "id() as a key: merged values, kept alive",
+    "recipe_compiler/lowering/lower.py": "id() as a key: a lowered scene or rig, kept alive",
+    "recipe_runtime/annotate/actor_boxes.py": "id() as a key: a body's shape, kept alive",
+    "recipe_runtime/meshes/town.py": "id() as a key: the cached town, kept alive",
+    "recipe_runtime/meshes/smoothing.py": "id() as a key: a numbered surface, kept alive",
 }
 LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log2", "log10", "pow", "cbrt", "sinh",
         "cosh", "tanh", "hypot", "radians", "degrees", "dist", "expm1", "log1p", "exp2", "arctan2", "arctan",
         "arcsin", "arccos", "deg2rad", "rad2deg", "power", "float_power"}  # fmt: skip
 BLAS = {"dot", "matmul", "inner", "outer", "tensordot", "einsum", "vdot", "linalg", "geomspace", "logspace", "cross"}
-# Pictures for people only; no digest covers them.
-FOR_EYES = ("recipe_runtime/report/", "recipe_runtime/frames/colormaps.py")
+# Pictures for viewing only; no digest covers them.
+FOR_VIEWING = ("recipe_runtime/report/", "recipe_runtime/frames/colormaps.py")
 EXACT_PI = {"pi"}
 
 
@@ -50,7 +50,7 @@ def _everything() -> Iterator[tuple[str, ast.Module]]:
         yield from modules(package)
 
 
-def test_entropy_has_one_door() -> None:
+def test_entropy_is_imported_by_listed_modules_only() -> None:
     used = set()
     for path, tree in _everything():
         for name in imports(tree):
@@ -70,7 +70,7 @@ def _attributes(tree: ast.Module) -> Iterator[tuple[str, str, int]]:
 @pytest.mark.parametrize("module", ["math", "np", "numpy", "wp"])
 def test_no_libm_and_no_blas(module: str) -> None:
     for path, tree in _everything():
-        if path.startswith(FOR_EYES):
+        if path.startswith(FOR_VIEWING):
             continue
         for name, attribute, line in _attributes(tree):
             if name == module:
@@ -80,9 +80,9 @@ def test_no_libm_and_no_blas(module: str) -> None:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_libm_by_name_and_no_product_by_method(package: str) -> None:
-    """`from math import sin`, `array.dot(...)`: the same under other spellings."""
+    """Such as `from math import sin` and `array.dot(...)`."""
     for path, tree in modules(package):
-        if not path.startswith(FOR_EYES):
+        if not path.startswith(FOR_VIEWING):
             assert list(_by_another_name(tree)) == [], path
 
 
@@ -104,8 +104,8 @@ def _by_another_name(tree: ast.Module) -> Iterator[str]:
             yield f"{node.lineno}: .{node.attr}"
 
 
-def test_nothing_is_told_apart_by_its_address() -> None:
-    """id() and hash() differ between runs: they may be keys of what is remembered, and never reach a value."""
+def test_addresses_do_not_affect_results() -> None:
+    """id() and hash() differ between runs: they may be keys of caches, but must not affect a value."""
     used = set()
     for path, tree in _everything():
         names = (node for node in walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load))
@@ -123,12 +123,12 @@ def test_no_matrix_products_and_no_float_powers() -> None:
                 pytest.fail(f"{path}:{node.lineno}: `@` goes through BLAS")
             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
                 whole = isinstance(node.left, ast.Constant) and node.left.value in (2, 2.0, 10, 10.0, 256)
-                assert whole or path.startswith(FOR_EYES), f"{path}:{node.lineno}: `**` goes through libm's pow"
+                assert whole or path.startswith(FOR_VIEWING), f"{path}:{node.lineno}: `**` goes through libm's pow"
 
 
 @pytest.mark.slow
 def test_listings_are_sorted() -> None:
-    """`glob`, `iterdir` and the like come in the file system's order; each stands inside sorted() or any()."""
+    """`glob`, `iterdir` and the like use the order of the file system; each call must be inside sorted() or any()."""
     for path, tree in _everything():
         parents = {child: node for node in walk(tree) for child in ast.iter_child_nodes(node)}
         for node in walk(tree):
@@ -143,7 +143,7 @@ def test_listings_are_sorted() -> None:
 
 
 def test_argsort_is_stable() -> None:
-    """NumPy's default sorts equal keys by the CPU's instruction set, in an order of its own."""
+    """In NumPy's default sort, the order of equal keys depends on the CPU's instruction set."""
     for path, tree in _everything():
         for node in walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "argsort":
@@ -155,8 +155,8 @@ def _orders(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"sorted", "any", "sum"}
 
 
-def test_sets_are_not_put_in_order() -> None:
-    """A set has no order: none is iterated, joined, counted off or made a list."""
+def test_sets_are_not_used_in_their_order() -> None:
+    """The order of a set is undefined: none may be iterated, joined, enumerated or converted to a list."""
     for path, tree in _everything():
         assert list(_ordered_sets(tree)) == [], path
 
@@ -179,7 +179,7 @@ def _ordered_sets(tree: ast.Module) -> Iterator[str]:
 
 
 def _is_set(node: ast.expr) -> bool:
-    """Whether an expression is a set by its very form; what a variable holds is out of scope."""
+    """Return whether the syntax of an expression makes it a set; values of variables are not analysed."""
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr | ast.BitAnd | ast.Sub | ast.BitXor):
         return _is_set(node.left) or _is_set(node.right)
     calls = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"set", "frozenset"}
@@ -205,11 +205,11 @@ def _is_set(node: ast.expr) -> bool:
         ("dict.fromkeys(set(a))", _ordered_sets),
     ],
 )
-def test_the_rules_see(code: str, rule: Callable[[ast.Module], Iterator[str]]) -> None:
+def test_the_rules_detect(code: str, rule: Callable[[ast.Module], Iterator[str]]) -> None:
     assert list(rule(ast.parse(code)))
 
 
 @pytest.mark.parametrize("code", ["sorted(set(a))", "{*a, *b}", "len({1, 2})", "from math import sqrt", "x in {1, 2}"])
-def test_the_rules_pass(code: str) -> None:
+def test_the_rules_accept(code: str) -> None:
     tree = ast.parse(code)
     assert [*_by_another_name(tree), *_ordered_sets(tree)] == []

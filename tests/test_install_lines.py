@@ -20,12 +20,12 @@ TEXTS = sorted(
 
 
 def wanted(text: str) -> list[str]:
-    """What each `pip install` of a text installs, with names that stand for literals of the same file put in."""
+    """Return what each `pip install` in a text installs; names of literals of the same file are replaced."""
     return [quoted for line in re.findall(r"pip install([^`\n]*)", text) for quoted in re.findall(r"'([^']+)'", line)]
 
 
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_pip_lines_name_what_there_is(path: Path) -> None:
+def test_pip_lines_name_existing_extras_and_requirements(path: Path) -> None:
     for what in wanted(path.read_text(encoding="utf-8")):
         if what == "{library}":  # of remote.py
             continue
@@ -43,6 +43,6 @@ def test_the_libraries_of_stores_are_those_of_the_extras() -> None:
     assert {f'"{library}"' for library in upload._LIBRARIES.values()} == {EXTRAS["s3"], EXTRAS["gcs"]}
 
 
-def test_the_lint_sees_an_extra_that_is_not_there() -> None:
+def test_the_check_detects_an_unknown_extra() -> None:
     assert wanted("write pip install 'dataset-recipe[abfs]' now") == ["dataset-recipe[abfs]"]
     assert "abfs" not in EXTRAS and set(EXTRAS) >= {"dev", "gcs", "ray", "s3", "torch"}

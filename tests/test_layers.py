@@ -10,7 +10,7 @@ import pytest
 
 from tests.sources import PACKAGES, imports, modules, walk
 
-# From the lowest layer to the highest. A name that is not a package stands for the module of that name in the root.
+# From the lowest layer to the highest. A name that is not a package is a module in the root.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "recipe_compiler": (
         ("ir",),
@@ -45,19 +45,19 @@ MAX_FUNCTION_LINES = 60
 
 
 def layer_of(top: str, part: str) -> int:
-    """The number of the layer that holds a package or root module, from 0 at the bottom."""
+    """Return the layer of a package or root module, from 0 at the bottom."""
     found = [number for number, layer in enumerate(LAYERS[top]) if part in layer]
     assert found, f"{top}: {part} has no layer; add it to LAYERS in {__file__}"
     return found[0]
 
 
 def part_of(path: str) -> str:
-    """The package, or the root module, of a file such as `recipe_runtime/core/trace.py`."""
+    """Return the package or the root module of a file such as `recipe_runtime/core/trace.py`."""
     return path.split("/")[1].removesuffix(".py")
 
 
 def upward(top: str, path: str, tree: ast.Module) -> list[str]:
-    """The imports of a module that lead upward, or sideways into another package of its layer."""
+    """Return the imports of a module from a higher layer or from another package of its layer."""
     here = part_of(path)
     wrong = []
     for name in imports(tree):
@@ -78,7 +78,7 @@ def test_no_import_leads_upward(top: str) -> None:
     assert seen - {"__init__"} == {part for layer in LAYERS[top] for part in layer} - {"__init__"}
 
 
-def test_an_upward_import_is_found() -> None:
+def test_an_upward_import_is_detected() -> None:
     tree = ast.parse("from recipe_runtime.build import pipeline")
     assert "recipe_runtime.build.pipeline" in upward("recipe_runtime", "recipe_runtime/core/trace.py", tree)
     assert upward("recipe_runtime", "recipe_runtime/verify/lock.py", tree) == []

@@ -1,4 +1,4 @@
-"""Each lockfile has the plan of its recipe, and the recipes of the paper and of attacks have one."""
+"""Each lockfile has the plan of its recipe, and the recipes of the paper and of attacks have lockfiles."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ LOCKFILES = sorted((ROOT / "lockfiles").glob("*.lock"))
 
 
 def commands(target: str) -> list[list[str]]:
-    """The `recipe` commands of a make target, as words, without running them."""
+    """Return the `recipe` commands of a make target, as words, without running them."""
     plain = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
     done = subprocess.run(
-        ["make", "-n", target, "PYTHON=python3"],  # named, so that make looks for no other
+        ["make", "-n", target, "PYTHON=python3"],  # given, so that make does not search for one
         cwd=ROOT,
         env=plain,
         capture_output=True,
@@ -33,20 +33,20 @@ def commands(target: str) -> list[list[str]]:
 
 @pytest.fixture(scope="module")
 def locked() -> list[Path]:
-    """The recipes of `make lock`."""
+    """Return the recipes of `make lock`."""
     (command,) = commands("lock")
     assert command[1:3] == ["lock", "--update"]
     return [ROOT / word for word in command[3:]]
 
 
 def test_studies_and_attacks_are_locked(locked: list[Path]) -> None:
-    """wall.yaml is the scene that studies extend, and no dataset of its own."""
+    """Only wall.yaml, the scene that studies extend, has none."""
     studies = {path for folder in ("paper", "attacks") for path in (ROOT / "recipes" / folder).glob("*.yaml")}
     assert studies - {ROOT / "recipes/paper/wall.yaml"} <= set(locked)
     assert len(set(locked)) == len(locked)
 
 
-def test_every_locked_recipe_has_a_lockfile_and_no_other_has(locked: list[Path]) -> None:
+def test_exactly_the_locked_recipes_have_a_lockfile(locked: list[Path]) -> None:
     names = {path.stem for path in LOCKFILES}
     assert names <= {path.stem for path in locked}
     missing = [path for path in locked if path.stem not in names]
@@ -54,7 +54,7 @@ def test_every_locked_recipe_has_a_lockfile_and_no_other_has(locked: list[Path])
 
 
 def test_every_lockfile_is_verified(locked: list[Path]) -> None:
-    """`make verify` compares frames of all; `make test` of two recipes, and of patches that have a lockfile."""
+    """`make verify` verifies all lockfiles; `make test` those of two recipes and some of patches."""
     (whole,) = commands("verify")
     assert [ROOT / word for word in whole[2:]] == locked
     drawn = {Path(word).stem for command in commands("test") for word in command if word.endswith((".yaml", ".lock"))}
@@ -65,7 +65,7 @@ def test_every_lockfile_is_verified(locked: list[Path]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", LOCKFILES, ids=lambda path: path.stem)
 def test_a_lockfile_has_the_plan_and_the_rows_of_its_recipe(path: Path, locked: list[Path]) -> None:
-    """A change of a recipe, or of what it compiles to, needs `make lock`; frames are not rendered here."""
+    """After a change of a recipe or of its plan, run `make lock`; this test renders no frames."""
     recipe = (path.parent / lockfile.read_source(path)).resolve()
     assert recipe in locked
     plan = compile_recipe(recipe).plan

@@ -1,4 +1,4 @@
-"""Pages of the paper's studies: each study has one, and its table and its sheet are what the command measured."""
+"""Pages of the paper's studies: each study has a page with the table and the sheet of its command."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def page(tmp_path: Path) -> Path:
 
 
 def measured(level: int = 90) -> Measured:
-    """What a study of one grey picture returns."""
+    """Return the result of a study with one grey picture."""
     return Measured(TABLE, Sheet((("grey", np.full((6, 8, 3), level, np.uint8)),), 1, (80, 60)))
 
 
@@ -51,14 +51,14 @@ def test_a_page_has_figure_recipe_sheet_and_table(name: str) -> None:
     assert table_of(paper.PAGES / f"{name}.md", paper.command(name)).count("\n") > 2, "run `make paper`"
 
 
-def test_the_table_of_insertions_is_by_weather_and_hour() -> None:
+def test_the_table_of_insertions_has_rows_by_weather_and_hour() -> None:
     table = table_of(insertion.PAGE, insertion.COMMAND).splitlines()
     assert table[0].startswith("| weather | hour | `green` | `digital` |")
     assert len(table) == 2 + len(insertion.WEATHERS) * len(insertion.HOURS)
 
 
 def test_every_weather_and_hour_has_all_methods() -> None:
-    """The methods differ in the patch alone; the hours in the sun, and in nothing that labels depend on."""
+    """Methods differ only in the patch, hours only in the sun; neither affects labels."""
     plan = compile_recipe(insertion.RECIPE).plan
     assert len(plan.variants) == 4 * len(insertion.WEATHERS) * len(insertion.HOURS)
     appearances = set()
@@ -73,7 +73,7 @@ def test_every_weather_and_hour_has_all_methods() -> None:
     assert len(appearances) == len(insertion.WEATHERS) * len(insertion.HOURS)
 
 
-def test_a_table_replaces_the_one_before_and_nothing_else(page: Path) -> None:
+def test_only_the_table_of_a_page_is_replaced(page: Path) -> None:
     write_table(page, paper.command("small"), [{"old": "1"}])
     write_table(page, paper.command("small"), TABLE)
     assert table_of(page, paper.command("small")) == markdown(TABLE)
@@ -86,7 +86,7 @@ def test_a_page_without_a_place_for_the_table_is_an_error(page: Path) -> None:
         write_table(page, paper.command("other"), TABLE)
 
 
-def test_what_was_measured_is_written_and_then_found_unchanged(
+def test_a_written_table_passes_the_check(
     page: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(paper, "STUDIES", {"small": measured})
@@ -111,7 +111,7 @@ def test_a_study_without_its_library_writes_no_table(page: Path, monkeypatch: py
     assert page.read_text() == before
 
 
-def test_marks_and_outlines_are_where_the_masks_are() -> None:
+def test_marks_and_outlines_are_at_the_masks() -> None:
     found, wanted = np.eye(4, dtype=np.bool_), np.zeros((4, 4), np.bool_)
     wanted[:2] = True
     pixels = marked(found, wanted)

@@ -11,11 +11,11 @@ from benchmarks.pages import markdown
 from benchmarks.paper.defences import Mask, Picture, RunningGaussian, flagged, removal, thresholds
 from benchmarks.paper.studies import share_in_boxes
 
-SIZE, SIDE = 24, 5  # pixels: of a frame, and of the person
+SIZE, SIDE = 24, 5  # pixels: size of a frame and of the person
 
 
 def video(shake: int) -> tuple[list[Picture], list[Mask], list[Mask]]:
-    """A white square, the person, passes a wall with a patch of noise; the camera shakes by up to `shake` pixels."""
+    """Return a video in which a white square (the person) passes a wall with a patch of noise and the camera shakes."""
     noise = np.random.Generator(np.random.PCG64(1))
     wall = np.full((SIZE + 8, SIZE + 8, 3), 90, np.uint8)
     wall[8:20, 8:20] = noise.integers(0, 255, (12, 12, 3))
@@ -49,7 +49,7 @@ def test_a_subtractor_that_keeps_everything_removes_nothing() -> None:
 
 
 def test_thresholds_of_clean_pictures_find_a_patch() -> None:
-    """All three statistics find noise in colour on a grey wall, and nothing on the wall itself."""
+    """All three statistics detect coloured noise on a grey wall, and nothing on the wall itself."""
     clean = np.full((SIZE, SIZE, 3), 90, np.uint8) + (np.indices((SIZE, SIZE)).sum(axis=0) % 2 * 4)[..., None]
     clean = clean.astype(np.uint8)
     pictures, patches, _ = video(0)

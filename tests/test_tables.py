@@ -15,7 +15,7 @@ TABLES = [
     ("recipe_compiler/ir/semantic_tags.py", frozenset(BODIES)),
     ("recipe_compiler/ir/semantic_tags.py", frozenset(tag.label for tag in Tag)),
 ]
-SHORTEST = 3, 4  # names that make a list a repeated table: of a table with at most four names, of a larger one
+SHORTEST = 3, 4  # how many names make a list a repeated table: for tables of at most four names, and for larger ones
 
 
 def listed(tree: ast.Module, names: frozenset[str]) -> list[int]:

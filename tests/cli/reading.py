@@ -1,4 +1,4 @@
-"""Reads what the command line prints on standard error."""
+"""Parse what the command line prints on standard error."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 
 def problems(stderr: str) -> list[str]:
-    """Errors and warnings as lines, `place: message; help`; a warning has `warning: ` before it. Others as they are."""
+    """Return errors and warnings as lines `place: message; help`, warnings prefixed by `warning: `, and other lines."""
     found: list[list[str]] = []
     for line in stderr.splitlines():
         head = re.match(r"(error|warning)\[[a-z-]+\]: (.*)", line)
@@ -22,6 +22,6 @@ def problems(stderr: str) -> list[str]:
 
 
 def one_line_each(stderr: str, warnings: bool = True) -> str:
-    """The same as text, without warnings if these are not wanted."""
+    """Return these lines as text, optionally without warnings."""
     lines = problems(stderr)
     return "".join(f"{line}\n" for line in lines if warnings or not line.startswith("warning: "))

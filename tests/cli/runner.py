@@ -1,4 +1,4 @@
-"""Runs commands in this process: as `recipe` does, with its errors and exit codes, but without starting Python anew."""
+"""Run commands in this process with the errors and exit codes of `recipe`, but without starting Python."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 from recipe_cli.main import main
 
-RENDERING = ("build", "lock", "verify")  # commands that share their work out
+RENDERING = ("build", "lock", "verify")  # commands that use workers
 
 
 def run_here(*arguments: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """What `recipe` with these arguments prints and how it ends, run in a folder; frames are rendered here too.
+    """Run `recipe` with these arguments in a folder, without workers, and return its output and exit code.
 
-    For tests of what a command says and writes. Those of processes, signals and start-up need a process.
+    For tests of output and files. Tests of processes, signals and start-up need a process.
     """
     command = ["recipe", *map(str, arguments)]
     written = [io.BytesIO(), io.BytesIO()]

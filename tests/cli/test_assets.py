@@ -1,4 +1,4 @@
-"""Assets on the command line: listed, built with, and missed where they are not at hand."""
+"""Assets on the command line: listed, used in builds, and reported if missing."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_plan_lists_assets_with_digests_and_sizes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_dataset_brings_its_assets_and_is_verified_alone_and_with_its_recipe(tmp_path: Path) -> None:
+def test_a_dataset_with_assets_passes_verification_alone_and_with_its_recipe(tmp_path: Path) -> None:
     shutil.copytree(GOOD, tmp_path / "recipe")
     run("build", "recipe/recipe.yaml", "--out", "set", "--workers", "1", cwd=tmp_path, in_process=False)
     shutil.move(tmp_path / "recipe", tmp_path / "away")
@@ -52,8 +52,8 @@ def test_a_dataset_brings_its_assets_and_is_verified_alone_and_with_its_recipe(t
 
 
 @pytest.mark.slow
-def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
-    """The same plan from the pack alone, and the same pixels, where the recipe's folder is not."""
+def test_a_pack_contains_its_assets(tmp_path: Path) -> None:
+    """Without the recipe's folder, the pack has the same plan and pixels."""
     shutil.copytree(GOOD, tmp_path / "here")
     run("pack", "here/recipe.yaml", "-o", "away.recipe", cwd=tmp_path)
     shot = ("--variant", "poster=on_mesh,wedge=there", "--frame", "1", "--json")
@@ -76,14 +76,14 @@ def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
         ("gone.stl", b"", "there is no such file"),
     ],
 )
-def test_an_untrusted_pack_is_refused_with_the_place_of_its_asset(
+def test_an_invalid_asset_in_a_pack_is_refused_with_its_place(
     path: str, content: bytes, words: str, tmp_path: Path
 ) -> None:
     from recipe_runtime.transfer.bundle import Pack
 
     text = (GOOD / "recipe.yaml").read_text().replace("files/tetrahedron.obj, up: z", path)
     files = {file.relative_to(GOOD).as_posix(): file.read_bytes() for file in sorted(GOOD.rglob("*.*"))}
-    del files["files/tetrahedron.obj"]  # which the recipe no longer names, so that the pack holds no unused file
+    del files["files/tetrahedron.obj"]  # (the recipe no longer names it, and a pack may have no unused file)
     files |= {"recipe.yaml": text.encode(), **({path: content} if content else {})}
     (tmp_path / "evil.recipe").write_bytes(Pack("recipe.yaml", files).dumps())
     reported = run("build", "evil.recipe", "--out", "set", cwd=tmp_path, code=2)

@@ -1,4 +1,4 @@
-"""`recipe blueprints`: a table, JSON and pictures of the library, the same bytes each time."""
+"""`recipe blueprints`: table, JSON and pictures of the library, with reproducible bytes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def run(*arguments: str) -> Result:
     return CliRunner().invoke(command, list(arguments), catch_exceptions=False)
 
 
-def test_the_table_has_a_row_for_each() -> None:
+def test_the_table_has_a_row_for_each_blueprint() -> None:
     lines = run().stdout.splitlines()
     assert lines[0].split() == ["blueprint", "kind", "size,", "m", "tag", "m/s", "dashcam", "colours"]
     assert [line.split()[0] for line in lines[1:]] == [blueprint.id for blueprint in LIBRARY]
@@ -31,7 +31,7 @@ def test_the_table_has_a_row_for_each() -> None:
     assert bus.startswith("vehicle.bus.city  bus   8.30 x 2.35 x 2.95  16 Bus  7    x: 4.3, z: 1.9  glass, headlight")
 
 
-def test_json_contains_what_a_program_needs() -> None:
+def test_json_has_the_fields_of_each_blueprint() -> None:
     rows = json.loads(run("*.bicycle.*", "--json").stdout)
     assert {row["class"] for row in rows} == {"Bicycle"}
     assert rows[0]["attributes"] == {"base_type": "bicycle", "number_of_wheels": "2"}
@@ -43,7 +43,7 @@ def test_json_contains_what_a_program_needs() -> None:
 
 @pytest.mark.parametrize("blueprint", [b for b in LIBRARY if b.category == "vehicle"], ids=lambda b: b.id)
 def test_a_dashcam_is_outside_its_vehicle_and_sees_the_road(blueprint: Blueprint) -> None:
-    """Glass is opaque: a camera behind the windscreen shows nothing but its inside, and no message says why."""
+    """Glass is opaque, so a camera behind the windscreen would show only the inside of the vehicle."""
     (row,) = json.loads(run(blueprint.id, "--json").stdout)
     eye = np.array([row["dashcam"][axis] for axis in "xyz"])
     actor, _ = specimen(blueprint)
@@ -56,7 +56,7 @@ def test_a_dashcam_is_outside_its_vehicle_and_sees_the_road(blueprint: Blueprint
     samples = triangles[:, None] * _BARYCENTRIC[None, :, :, None]
     assert np.sqrt(((samples.sum(axis=2) - eye) ** 2).sum(axis=2)).min() > CameraPlan(width=1, height=1, fov=1).near
     for yaw in (-35, -20, 0, 20, 35):
-        for pitch in (-25, -10, 0):  # up to the sky and ahead; below, a bonnet or a mudguard may be seen
+        for pitch in (-25, -10, 0):  # upwards and ahead; further down, a bonnet or a mudguard may be visible
             a, b = np.radians(yaw), np.radians(pitch)
             ray = np.array([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), -np.sin(b)])
             assert not _hit(triangles, eye, ray), f"the body is in the way at yaw {yaw}, pitch {pitch}"
@@ -66,7 +66,7 @@ _BARYCENTRIC = np.array([[i, j, 6 - i - j] for i in range(7) for j in range(7 - 
 
 
 def _hit(triangles: NDArray[np.float64], eye: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
-    """Whether a ray meets a triangle (Moeller and Trumbore)."""
+    """Return whether a ray hits a triangle (Moeller and Trumbore)."""
     e1, e2, to = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], eye - triangles[:, 0]
     p, q = np.cross(ray, e2), np.cross(to, e1)
     det = (e1 * p).sum(1)
@@ -80,7 +80,7 @@ def test_a_pedestrian_has_no_dashcam() -> None:
     assert row["dashcam"] is None
 
 
-def test_only_what_is_worn_has_a_colour() -> None:
+def test_pedestrians_have_colours_of_their_clothes_only() -> None:
     looks = {row["id"]: row["look"] for row in json.loads(run("walker.*", "--json").stdout)}
     assert "bag" in looks["walker.pedestrian.0003"] and "bag" not in looks["walker.pedestrian.0001"]
     assert "hat" in looks["walker.pedestrian.0007"] and "hat" not in looks["walker.pedestrian.0001"]
@@ -94,7 +94,7 @@ def test_only_what_is_worn_has_a_colour() -> None:
         ("?" * 5000, "matches no blueprint; valid are"),
     ],
 )
-def test_a_pattern_that_matches_nothing_is_answered(pattern: str, remedy: str) -> None:
+def test_a_pattern_without_a_match_gets_a_remedy(pattern: str, remedy: str) -> None:
     with pytest.raises(InputError) as error:
         run(pattern)
     assert remedy in str(error.value)
@@ -112,10 +112,10 @@ def test_pictures_are_the_same_bytes_twice(tmp_path: Path) -> None:
         body = (folders[0] / name).read_bytes()
         assert body == (folders[1] / name).read_bytes()
         with Image.open(io.BytesIO(body)) as picture:
-            assert len(picture.getcolors(1 << 20)) > 500  # something is to be seen
+            assert len(picture.getcolors(1 << 20)) > 500  # the pictures are not empty
 
 
-def test_pictures_need_a_place(tmp_path: Path) -> None:
+def test_pictures_need_a_free_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no folder"):
         run("vehicle.bus.*", "--pictures", str(tmp_path / "missing" / "folder"))
     (tmp_path / "taken").write_text("")

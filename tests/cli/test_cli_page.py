@@ -40,7 +40,7 @@ def test_the_options_of_the_page_are_those_of_the_command(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_its_examples_are_commands_that_there_are(name: str) -> None:
+def test_the_examples_are_existing_commands(name: str) -> None:
     lines = re.findall(r"^    \$ (.*)$", SECTIONS[name], re.MULTILINE)
     assert lines
     for line in lines:
@@ -50,7 +50,7 @@ def test_its_examples_are_commands_that_there_are(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_option_explains_itself_in_the_help(name: str) -> None:
+def test_every_option_has_a_help_text(name: str) -> None:
     command = recipe.get_command(click.Context(recipe), name)
     assert command is not None
     silent = [p.name for p in command.params if isinstance(p, click.Option) and not p.help]

@@ -1,4 +1,4 @@
-"""The command line as a user meets it: what each command prints, where, and with which exit code."""
+"""Commands: what each one prints, where, and with which exit code."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def run(*arguments: str | Path, cwd: Path, **environment: str) -> subprocess.Com
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a recipe, its lockfile and its dataset."""
+    """Return a folder with a recipe, its lockfile and its dataset."""
     root = tmp_path_factory.mktemp("project")
     (root / "small.yaml").write_text(RECIPE)
     locked = run_here("lock", "small.yaml", "--workers", "1", cwd=root)
@@ -59,7 +59,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
     start = time.perf_counter()
     shown = run("--help", cwd=tmp_path)
-    assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; an import of an engine takes longer than this
+    assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; importing an engine takes longer
     for name in (
         "init",
         "check",
@@ -88,7 +88,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "command", ["init", "check", "plan", "shot", "build", "lock", "verify", "blueprints", "surfaces", "schema"]
 )
-def test_every_command_explains_itself(command: str, tmp_path: Path) -> None:
+def test_every_command_has_a_help_text(command: str, tmp_path: Path) -> None:
     shown = run_here(command, "--help", cwd=tmp_path)
     assert shown.returncode == 0
     assert shown.stdout.startswith(f"Usage: recipe {command}") or f"{command} [OPTIONS]" in shown.stdout
@@ -102,14 +102,14 @@ def test_recipe_alone_prints_its_help_as_plain_text(tmp_path: Path) -> None:
     assert "error[" not in done.stderr and "\\n" not in done.stderr
 
 
-def test_a_mistyped_command_is_answered_with_the_nearest(tmp_path: Path) -> None:
+def test_a_mistyped_command_gets_a_suggestion(tmp_path: Path) -> None:
     shown = run("biuld", cwd=tmp_path)
     assert (shown.returncode, shown.stdout) == (2, "")
     assert problems(shown.stderr) == ["no such command 'biuld'; did you mean 'build'?"]
 
 
 @pytest.mark.parametrize("command", ["plan", "build", "check", "shot", "lock", "pack", "export", "diff"])
-def test_a_url_where_a_path_is_wanted_is_refused_and_its_password_is_not_shown(command: str, tmp_path: Path) -> None:
+def test_a_url_instead_of_a_path_is_refused_without_showing_its_password(command: str, tmp_path: Path) -> None:
     url = "ftp://user:secret@host/x.yaml"
     shown = run_here(command, url, url, cwd=tmp_path)
     assert shown.returncode == 2
@@ -118,7 +118,7 @@ def test_a_url_where_a_path_is_wanted_is_refused_and_its_password_is_not_shown(c
 
 
 @pytest.mark.slow
-def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
+def test_lock_build_and_verify_print_the_same_identity(folder: Path) -> None:
     locked = run_here("lock", "small.yaml", cwd=folder)
     built = run_here("build", "small.yaml", cwd=folder)
     verified = run("verify", "small.yaml", "--workers", "1", cwd=folder)
@@ -171,7 +171,7 @@ def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path:
 
 
 @pytest.mark.slow
-def test_a_shot_is_the_same_frame_as_the_build(folder: Path, tmp_path: Path) -> None:
+def test_a_shot_equals_the_frame_of_the_build(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "shot.png"
     done = run_here("shot", "small.yaml", "--variant", "weather=wet", "--frame", "1", "-o", out, "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
@@ -239,7 +239,7 @@ def test_the_schema_is_json(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_build_that_differs_from_its_lockfile_says_so(folder: Path, tmp_path: Path) -> None:
+def test_a_build_that_differs_from_its_lockfile_reports_it(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("seed: 1", "seed: 2"))
     (tmp_path / "lockfiles").mkdir()
     (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
@@ -252,7 +252,7 @@ def test_a_build_that_differs_from_its_lockfile_says_so(folder: Path, tmp_path: 
 
 
 def test_an_outdated_lockfile_is_reported_before_the_work(folder: Path, tmp_path: Path) -> None:
-    """An hour's build that ends in `differs` is an hour lost: the warning comes even if the build cannot begin."""
+    """Otherwise a long build would end with `differs`; the warning is printed even if the build cannot start."""
     root = _project(folder, tmp_path, "lockfiles")
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
     (root / "mine").mkdir()
@@ -265,8 +265,8 @@ def test_an_outdated_lockfile_is_reported_before_the_work(folder: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_a_partial_rebuild_says_what_it_did_and_what_was_there(folder: Path, tmp_path: Path) -> None:
-    """Otherwise a rebuild of one weather reads as if all had been rendered, or as if nothing had."""
+def test_a_partial_rebuild_reports_rendered_and_reused_frames(folder: Path, tmp_path: Path) -> None:
+    """Otherwise a rebuild of one weather would look as if all frames had been rendered, or none."""
     root = _project(folder, tmp_path, "small.yaml")
     first = run_here("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
     whole = r"datasets/small: 2 variants: 1 simulation, 1 observation, 2 appearances; 4 frames rendered in .* a second"
@@ -281,7 +281,7 @@ def test_a_partial_rebuild_says_what_it_did_and_what_was_there(folder: Path, tmp
     assert (less["made_frames"], less["taken_frames"], less["resumed_frames"]) == (0, 2, 0)
 
 
-def test_out_over_something_else_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_an_output_folder_with_other_files_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
     done = run_here("build", "small.yaml", "--out", tmp_path / "mine", cwd=folder)
@@ -290,8 +290,8 @@ def test_out_over_something_else_is_refused(folder: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_nothing_but_its_own_words_reaches_the_terminal(folder: Path, tmp_path: Path) -> None:
-    """No engine's banner, no warning, no bar when piped: not even on a cold kernel cache of Warp's own."""
+def test_no_output_of_engines_reaches_the_terminal(folder: Path, tmp_path: Path) -> None:
+    """No banner of an engine, no warning and, when piped, no progress bar, even with an empty kernel cache."""
     done = run("verify", "small.yaml", "--frames", "1", "--workers", "1", cwd=folder)
     assert done.stderr == ""
     assert len(done.stdout.splitlines()) == 3
@@ -312,7 +312,7 @@ def test_an_untrusted_lockfile_reads_nothing_outside_its_folder(folder: Path, tm
 
 
 @pytest.mark.slow
-def test_a_lockfile_that_is_no_file_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_a_lockfile_that_is_not_a_regular_file_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE)
     (tmp_path / "lockfiles").mkdir()
     os.mkfifo(tmp_path / "lockfiles" / "small.lock")
@@ -321,16 +321,16 @@ def test_a_lockfile_that_is_no_file_is_refused(folder: Path, tmp_path: Path) -> 
     assert "cannot be read as a lockfile: it is not a regular file" in done.stderr
 
 
-def test_lock_says_before_rendering_that_it_would_say_something_else(folder: Path, tmp_path: Path) -> None:
+def test_lock_reports_a_differing_lockfile_before_rendering(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 20000"))
     (tmp_path / "lockfiles").mkdir()
     (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
-    done = run_here("lock", "small.yaml", cwd=tmp_path)  # 40,000 frames would take an hour
+    done = run_here("lock", "small.yaml", cwd=tmp_path)  # rendering 40,000 frames would take an hour
     assert done.returncode == 2
     assert "differs from what small.yaml compiles to now; --update replaces it" in problems(done.stderr)[0]
 
 
-def test_verify_keeps_to_the_limits_of_an_untrusted_recipe(tmp_path: Path) -> None:
+def test_verify_applies_the_limits_of_an_untrusted_recipe(tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 100000"))
     done = run_here("verify", "small.yaml", cwd=tmp_path)
     assert done.returncode == 2
@@ -338,7 +338,7 @@ def test_verify_keeps_to_the_limits_of_an_untrusted_recipe(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("out", ["small.yaml/x", "a" * 5000])
-def test_a_host_that_will_not_write_is_answered_in_a_line(folder: Path, out: str) -> None:
+def test_an_unwritable_output_is_an_error_of_one_line(folder: Path, out: str) -> None:
     done = run_here("build", "small.yaml", "--out", out, "--allow-large", cwd=folder)
     assert done.returncode in (1, 2)
     assert len(problems(done.stderr)) == 1
@@ -347,7 +347,7 @@ def test_a_host_that_will_not_write_is_answered_in_a_line(folder: Path, out: str
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_stopped_command_leaves_nothing_behind(tmp_path: Path, number: int, code: int) -> None:
+def test_a_stopped_command_leaves_no_files(tmp_path: Path, number: int, code: int) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 3000"))
     (tmp_path / "tmp").mkdir()
     child = subprocess.Popen(
@@ -381,11 +381,11 @@ def test_diff_names_the_first_cause(folder: Path, tmp_path: Path) -> None:
         assert (same.returncode, same.stdout) == (0, "nothing differs\n"), same.stdout
         assert same.stderr.splitlines() == [
             "datasets/small was compared by its manifest; `recipe verify` checks the files themselves"
-        ]  # so motion and pixels were compared as well: a recipe stands with its lockfile
+        ]  # motion and pixels were compared too, by the recipe's lockfile
 
 
-def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_path: Path) -> None:
-    """Digests of what the recipe was must not pass for what it is."""
+def test_diff_ignores_an_outdated_lockfile_with_a_note(folder: Path, tmp_path: Path) -> None:
+    """Digests of an earlier recipe must not be used for the current one."""
     root = _project(folder, tmp_path, "lockfiles", "datasets")
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
     completed = run_here("diff", "small.yaml", "datasets/small", cwd=root)
@@ -407,7 +407,10 @@ def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
     from recipe_runtime.cache.store import Store
 
     Store(tmp_path / "cache").put("traces", "ab" * 32, b"x" * 2000)
-    places = {"RECIPE_CACHE": str(tmp_path / "cache"), "RECIPE_KERNEL_CACHE": ""}  # no user's own is pruned here
+    places = {
+        "RECIPE_CACHE": str(tmp_path / "cache"),
+        "RECIPE_KERNEL_CACHE": "",
+    }  # (the user's own cache is not pruned)
     assert "traces        1  2 KiB" in run_here("cache", cwd=tmp_path, **places).stdout
     completed = json.loads(run_here("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
     assert (completed["removed"], completed["kinds"]) == (1, {})
@@ -428,7 +431,7 @@ def test_a_folder_that_is_not_a_cache_is_neither_shown_nor_pruned(tmp_path: Path
 
 
 @pytest.mark.slow
-def test_traces_lie_beside_the_lockfile_if_asked_for(folder: Path, tmp_path: Path) -> None:
+def test_traces_are_stored_beside_the_lockfile_on_request(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "lockfiles").mkdir()
     for name in ("small.yaml", "lockfiles/small.lock"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
@@ -438,14 +441,12 @@ def test_traces_lie_beside_the_lockfile_if_asked_for(folder: Path, tmp_path: Pat
     kept.write_bytes(b"recipe-traces 1\n" + b"0" * 100)
     refused = run_here("verify", "small.yaml", cwd=tmp_path)
     assert (refused.returncode, "small.traces: cannot be used" in refused.stderr) == (2, True)
-    assert (
-        run_here("lock", "small.yaml", "--update", cwd=tmp_path).returncode == 0
-    )  # what is there does not fall behind
+    assert run_here("lock", "small.yaml", "--update", cwd=tmp_path).returncode == 0  # the existing file is updated
     assert run_here("verify", "small.yaml", cwd=tmp_path).returncode == 0
 
 
 def _project(folder: Path, root: Path, *names: str) -> Path:
-    """A copy of some files of a project."""
+    """Copy some files of a project."""
     for name in names:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         if (folder / name).is_dir():
@@ -456,7 +457,7 @@ def _project(folder: Path, root: Path, *names: str) -> Path:
 
 
 @pytest.mark.slow
-def test_a_locked_build_refuses_a_recipe_that_moved_on(folder: Path, tmp_path: Path) -> None:
+def test_a_locked_build_refuses_a_changed_recipe(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "lockfiles")
     (root / "small.yaml").write_text(RECIPE.replace("wet: {", "misty: {weather: {fog_density: 20}}, wet: {"))
     refused = run_here("build", "small.yaml", "--locked", cwd=root)
@@ -501,8 +502,8 @@ def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path: Path) -> None:
-    """Sizes say nothing of it, bytes do; what is mended has the identity and the bytes of what was built."""
+def test_a_damaged_file_of_equal_size_is_detected_and_repaired(folder: Path, tmp_path: Path) -> None:
+    """It is detected by its bytes; the repaired dataset has the identity and the bytes of the original one."""
     root = _project(folder, tmp_path, "small.yaml", "lockfiles", "datasets")
     picture = root / "datasets/small/weather=dry/street/rgb/000001.png"
     body = picture.read_bytes()
@@ -522,7 +523,7 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_path: Path) -> None:
+def test_any_dataset_can_be_compared_with_a_recipe(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "datasets", "lockfiles")
     there = root / "downloaded"
     (root / "datasets" / "small").rename(there)
@@ -551,7 +552,7 @@ def test_a_pack_replaces_its_recipe(folder: Path, tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["again.recipe", "datasets", "small.recipe"]
 
 
-def test_a_pack_is_made_of_what_agrees(folder: Path, tmp_path: Path) -> None:
+def test_pack_refuses_a_lockfile_or_traces_that_differ(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "lockfiles")
     assert run_here("pack", "small.yaml", "--with-traces", cwd=root).returncode == 2
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))

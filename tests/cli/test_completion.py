@@ -53,7 +53,7 @@ def test_values_are_completed(folder: Path, words: tuple[str, ...], values: list
     assert len(completed(*words)) >= len(values)
 
 
-def test_no_name_is_completed_that_a_shell_would_run(folder: Path) -> None:
+def test_names_with_special_characters_of_shells_are_not_completed(folder: Path) -> None:
     names = [
         "$(id)",
         "`id`",
@@ -75,7 +75,7 @@ def test_no_name_is_completed_that_a_shell_would_run(folder: Path) -> None:
         (folder / f"{name}.yaml").touch()
     (folder / "caf\u00e9=1.yaml").touch()
     assert completed("check", "") == ["caf\u00e9=1.yaml", "more/other.recipe", "small.yaml"]
-    assert completed("check", "$(") == []  # the shell completes it, and quotes
+    assert completed("check", "$(") == []  # the shell completes and quotes file names
     (folder / "small.yaml").write_text(RECIPE.replace("street:", "$(id):").replace("wet:", "'`id`':"))
     assert completed("shot", "small.yaml", "--sensor", "") == []
     assert completed("shot", "small.yaml", "--variant", "") in ([], ["weather=dry"])
@@ -88,7 +88,7 @@ def test_a_broken_recipe_completes_nothing_and_prints_nothing(folder: Path, capf
 
 
 @pytest.mark.slow
-def test_bash_asks_through_the_documented_variable(folder: Path) -> None:
+def test_bash_completion_works_through_the_documented_variable(folder: Path) -> None:
     words = "recipe shot small.yaml --variant weather=w"
     environment = {"_RECIPE_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": "4"}
     done = subprocess.run(

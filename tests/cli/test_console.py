@@ -1,4 +1,4 @@
-"""The terminal: text from outside is escaped at one place, errors have one shape, colour follows the conventions."""
+"""Terminal output: untrusted text is escaped in one place, errors have one form, colour follows the conventions."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ ATTACKS = {
 
 
 @pytest.mark.parametrize("text", ATTACKS.values(), ids=ATTACKS)
-def test_what_a_terminal_obeys_or_hides_is_escaped(text: str) -> None:
+def test_control_and_invisible_characters_are_escaped(text: str) -> None:
     shown = printable(text)
     assert shown != text and shown.isprintable() and "\\" in shown
 
 
 @pytest.mark.slow
 @given(st.text())
-def test_escaped_text_is_one_printable_line_and_escaping_it_again_changes_nothing(text: str) -> None:
+def test_escaping_gives_one_printable_line_and_is_idempotent(text: str) -> None:
     shown = printable(text)
     assert shown.isprintable() and len(shown.splitlines()) <= 1
     assert not any(unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp") for c in shown)
@@ -62,13 +62,13 @@ def test_escaped_text_is_one_printable_line_and_escaping_it_again_changes_nothin
         assert shown == text
 
 
-def test_ordinary_letters_of_every_script_stay() -> None:
+def test_letters_of_every_script_are_not_escaped() -> None:
     for text in ("Straßenbahn", "横断歩道", "перехід", "ábc", "😀", "שלום"):
         assert printable(text) == text
 
 
 @pytest.mark.parametrize("text", [*ATTACKS.values(), "PASS  small@sha256:00", "error[x]: y"])
-def test_no_text_makes_a_line_that_poses_as_a_verdict(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_text_can_imitate_the_line_of_a_verdict(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     say(text)
     (line,) = capsys.readouterr().out.splitlines()
     assert not re.match(r"(PASS|FAIL|INCONCLUSIVE)\b|error\[", line)
@@ -76,7 +76,7 @@ def test_no_text_makes_a_line_that_poses_as_a_verdict(text: str, capsys: pytest.
     assert capsys.readouterr().out == "PASS  small.yaml\n"
 
 
-def test_a_long_text_goes_on_indented_on_a_terminal() -> None:
+def test_a_long_text_is_continued_indented_on_a_terminal() -> None:
     program = "from recipe_cli.console import say\nsay('x: ' + 'word ' * 14 + ' PASS  small@sha256:00 and more')"
     lines = on_a_terminal(program, 72).splitlines()
     assert len(lines) > 1 and all(line.startswith("    ") for line in lines[1:])
@@ -96,7 +96,7 @@ RECIPE = {
 
 
 @pytest.mark.parametrize("options", [[], ["--json"], ["--variant", "base"]])
-def test_a_description_cannot_paint_a_verdict(options: list[str], tmp_path: Path) -> None:
+def test_a_description_cannot_imitate_a_verdict(options: list[str], tmp_path: Path) -> None:
     path = tmp_path / "r.yaml"
     path.write_text(json.dumps(RECIPE))
     done = CliRunner().invoke(plan.command, [str(path), *options], catch_exceptions=False)
@@ -106,20 +106,20 @@ def test_a_description_cannot_paint_a_verdict(options: list[str], tmp_path: Path
 
 
 @pytest.mark.parametrize("text", ATTACKS.values(), ids=ATTACKS)
-def test_documents_are_escaped_as_json_and_mean_the_same(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_output_is_escaped_without_changing_its_value(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     console.print_json({"text": text})
     out = capsys.readouterr().out
     assert all(line.isprintable() for line in out.splitlines())
     assert json.loads(out)["text"] == text
 
 
-# Who prints
+# Printing
 
 PRINTERS = {"echo", "secho", "echo_via_pager", "print", "pprint", "write", "writelines", "progressbar"}
 
 
 def printing(source: str) -> list[int]:
-    """Lines of a program that print otherwise than through the console."""
+    """Return the lines of a program that print without the console module."""
     found = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call):
@@ -138,20 +138,20 @@ def test_only_the_console_prints() -> None:
             lines[n - 1].strip()
             for n in printing(text)
             if not any(f"click.{name}(" in lines[n - 1] for name in allowed.get(path.name, ()))
-            and "made.write(" not in lines[n - 1]  # pictures, lockfiles and traces: files of their own
+            and "made.write(" not in lines[n - 1]  # (pictures, lockfiles and traces are files)
             and "trace_bundle.write(" not in lines[n - 1]
         ]
         assert not wrong, f"{path.relative_to(ROOT)}: print with console.say: {wrong}"
 
 
-def test_the_lint_sees_each_way_to_print() -> None:
+def test_the_check_detects_each_way_to_print() -> None:
     ways = ("click.echo(x)", "print(x)", "sys.stdout.write(x)", "sys.stderr.writelines(x)", "error.show()", "echo(x)")
     for way in ways:
         assert printing(way) == [1], way
     assert printing("say(x)\nprint_json(y)") == []
 
 
-# The shape of errors
+# The form of errors
 
 
 def test_an_error_has_its_code_place_source_line_and_help(capsys: pytest.CaptureFixture[str]) -> None:
@@ -187,7 +187,7 @@ def test_at_most_fifty_errors_are_shown_and_the_rest_counted(capsys: pytest.Capt
     assert lines[-1] == "error: and 23 errors more; --json lists all"
 
 
-def test_a_remedy_is_split_from_its_message_outside_quotes_and_brackets() -> None:
+def test_a_remedy_is_separated_from_its_message_outside_quotes_and_brackets() -> None:
     assert split_remedy("a is wrong; write b") == ("a is wrong", "write b")
     assert split_remedy('"x; y" is wrong') == ('"x; y" is wrong', None)
     assert split_remedy("'x; y' is wrong; write z (or w; v)") == ("'x; y' is wrong", "write z (or w; v)")
@@ -263,7 +263,7 @@ FAILING = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", FAILING)
-def test_every_command_gives_its_errors_as_one_document(command: str, tmp_path: Path) -> None:
+def test_with_json_the_errors_of_every_command_are_one_document(command: str, tmp_path: Path) -> None:
     done = run_here(command, *FAILING[command], "--json", cwd=tmp_path)
     answer = json.loads(done.stdout)
     assert (done.returncode, done.stderr) == (2, "")
@@ -273,7 +273,7 @@ def test_every_command_gives_its_errors_as_one_document(command: str, tmp_path: 
     assert answer["warnings"] == []
 
 
-def test_warnings_are_in_the_document_of_a_command_that_succeeds(tmp_path: Path) -> None:
+def test_with_json_the_document_includes_warnings(tmp_path: Path) -> None:
     twins = {n: {"blueprint": "walker.pedestrian.0001", "start": {"x": 8, "y": 5}} for n in ("a", "b")}
     document = {**RECIPE, "base": {**RECIPE["base"], "actors": twins}}  # type: ignore[dict-item]  # RECIPE is a plain dict
     (tmp_path / "r.yaml").write_text(json.dumps(document))
@@ -303,8 +303,8 @@ def test_urls_are_masked_where_the_command_line_prints() -> None:
 
 
 @pytest.mark.slow
-def test_the_library_names_no_option_of_the_command_line() -> None:
-    """Its problems reach Python callers too; `words` adds the options. The card of a dataset may name some."""
+def test_the_library_names_no_command_line_options() -> None:
+    """Its problems are also shown to users of Python; `words` adds the options. A dataset's card may name options."""
     seen = 0
     for path, tree in (*modules("recipe_compiler"), *modules("recipe_runtime")):
         scopes = [node for node in walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))]

@@ -35,8 +35,8 @@ def test_a_layout_is_written_and_reported(dataset: Path, tmp_path: Path, form: s
     assert report["bytes"] == sum(size for size, _ in index["files"].values())
 
 
-def test_a_patch_is_chosen_for_armory_alone(dataset: Path, tmp_path: Path) -> None:
-    """The dataset of the fakes has no patches: the name reaches the export, which says so; other layouts take none."""
+def test_a_patch_can_be_chosen_for_armory_only(dataset: Path, tmp_path: Path) -> None:
+    """The dataset of the fakes has no patches, which the export of Armory reports; other layouts refuse the option."""
     out = [str(dataset), str(tmp_path / "out"), "--patch", "poster"]
     wrong = CliRunner().invoke(export.command, [*out, "--format", "mots"])
     assert (wrong.exit_code, "--patch needs --format armory" in wrong.output) == (2, True)

@@ -11,7 +11,7 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_runtime.dataset import reader
 
 
-def test_frames_of_a_build_are_the_recipes() -> None:
+def test_a_build_refuses_a_number_of_frames_with_a_remedy() -> None:
     problems, code = main._explained(click.NoSuchOption("--frames"))
     assert code == 2
     assert problems[0].message == "no such option '--frames'"
@@ -23,12 +23,12 @@ def test_another_unknown_option_refers_to_the_help() -> None:
     assert problem.help == "see `recipe --help`"
 
 
-def test_an_interrupted_command_says_what_to_do() -> None:
+def test_an_interrupted_command_prints_a_remedy() -> None:
     (problem,), code = main._explained(click.Abort())
     assert (problem.code, problem.help, code) == (Code.INTERRUPTED, "run the command again", 130)
 
 
-def test_a_folder_that_is_no_dataset_has_a_remedy(tmp_path: Path) -> None:
+def test_a_folder_without_a_dataset_gets_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         reader.read(tmp_path)
     assert caught.value.problems[0].help == "name a folder that `recipe build` made, such as datasets/NAME"
@@ -44,7 +44,7 @@ def test_a_folder_that_is_no_dataset_has_a_remedy(tmp_path: Path) -> None:
         ("surfaces", "Overwrite files that exist."),
     ],
 )
-def test_replace_says_what_the_command_replaces(name: str, help: str) -> None:
+def test_the_help_of_replace_states_what_is_replaced(name: str, help: str) -> None:
     command = main.recipe.get_command(click.Context(main.recipe), name)
     assert command is not None
     (option,) = [parameter for parameter in command.params if parameter.name == "replace"]

@@ -1,4 +1,4 @@
-"""`recipe import`: its files, its report, and what it does not write; and that what it writes builds and verifies."""
+"""`recipe import`: its files and report, and what it refuses; imported recipes build and pass verification."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.compiler.carla.importing import CONFIGS, PAPER, TOGETHER
 EVERY = CONFIGS / "every_key.yaml"
 
 
-def test_it_writes_a_recipe_and_a_report_that_the_terminal_shows_too(tmp_path: Path) -> None:
+def test_it_writes_a_recipe_and_a_report_and_prints_the_report(tmp_path: Path) -> None:
     done = run_here("import", "carla", *PAPER, "-o", "new/folder", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     folder = tmp_path / "new" / "folder"
@@ -51,11 +51,11 @@ def test_it_overwrites_nothing_without_replace(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["every_key.import.txt"]
     assert run_here(*here, "--replace", cwd=tmp_path).returncode == 0
     assert "mine" not in (tmp_path / "every_key.import.txt").read_text()
-    assert run_here(*here, cwd=tmp_path).returncode == 0  # the same content
+    assert run_here(*here, cwd=tmp_path).returncode == 0  # with the same content
 
 
 def test_a_file_of_another_size_is_not_read(tmp_path: Path) -> None:
-    """Only to compare it: a sparse file of 1 TiB would take all memory."""
+    """Reading a sparse file of 1 TiB for comparison would take all memory."""
     with (tmp_path / "every_key.yaml").open("wb") as file:
         file.truncate(1 << 40)
     done = run_here("import", "carla", EVERY, "-o", ".", cwd=tmp_path)
@@ -70,7 +70,7 @@ def test_the_configuration_itself_is_never_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "every_key.yaml").read_text() == text
 
 
-def test_a_broken_configuration_among_others_leaves_nothing(tmp_path: Path) -> None:
+def test_with_one_broken_configuration_no_file_is_written(tmp_path: Path) -> None:
     (tmp_path / "broken.yaml").write_text("max_frames: none\nspawn_actors: []\n")
     done = run_here("import", "carla", EVERY, "broken.yaml", "-o", "out", cwd=tmp_path)
     assert done.returncode == 2
@@ -78,7 +78,7 @@ def test_a_broken_configuration_among_others_leaves_nothing(tmp_path: Path) -> N
     assert not (tmp_path / "out").exists()
 
 
-def test_a_full_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, body: bytes, *, replace: bool) -> None:
         if path.suffix == ".txt":
             raise OSError(28, "No space left on device")
@@ -91,7 +91,7 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("target", ["missing.yaml", "folder", "pipe"])
-def test_what_is_no_file_is_refused(target: str, tmp_path: Path) -> None:
+def test_paths_that_are_not_regular_files_are_refused(target: str, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
     done = run_here("import", "carla", target, cwd=tmp_path)
@@ -110,12 +110,12 @@ def test_a_problem_of_the_recipe_is_shown_at_the_place_of_the_configuration(tmp_
     text = EVERY.read_text().replace("max_frames: 20", "max_frames: 90000")
     (tmp_path / "long.yaml").write_text(text)
     done = run_here("import", "carla", "long.yaml", "-o", "out", cwd=tmp_path)
-    assert done.returncode == 0  # too large is a warning: `recipe build` asks for --allow-large
+    assert done.returncode == 0  # a size over the limits is a warning: `recipe build` requires --allow-large
     assert "warning[size-limit]" in done.stderr
 
 
 def small(path: Path, folder: Path) -> Path:
-    """A copy of a configuration with small pictures and two frames."""
+    """Copy a configuration with small pictures and two frames."""
     text = path.read_text()
     for old, new in (("max_frames: 300", "max_frames: 2"), ('"800"', '"64"'), ('"600"', '"48"')):
         text = text.replace(old, new)
@@ -124,7 +124,7 @@ def small(path: Path, folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_the_papers_listings_build_and_verify(tmp_path: Path) -> None:
+def test_the_listings_of_the_paper_build_and_pass_verification(tmp_path: Path) -> None:
     listings = tmp_path / "listings"
     listings.mkdir()
     files = [small(path, listings) for path in PAPER]
@@ -140,8 +140,8 @@ def test_the_papers_listings_build_and_verify(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["following", "oscar"])
-def test_other_imports_build_and_verify(name: str, tmp_path: Path) -> None:
-    """An arm, a slow sensor, sensors on people; a green screen, traffic and a warm-up."""
+def test_other_imports_build_and_pass_verification(name: str, tmp_path: Path) -> None:
+    """With an arm, a slow sensor, sensors on people, a green screen, traffic and a warm-up."""
     assert run_here("import", "carla", *TOGETHER[name], cwd=tmp_path).returncode == 0
     (path,) = (tmp_path / "recipes").glob("*.yaml")
     text = re.sub(r"(?<=camera: {)width: \d+, height: \d+", "width: 48, height: 32", path.read_text())

@@ -1,4 +1,4 @@
-"""A build that this host has too little memory for is refused beforehand, and `plan` shows what it takes."""
+"""A build that needs more memory than the host has is refused before any work, and `plan` shows its memory."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ def _run(*arguments: str | Path) -> Result:
 
 
 @pytest.mark.parametrize("command", ["plan", "build", "lock"])
-def test_too_little_memory_is_said_before_any_work(path: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_little_memory_is_an_error_before_any_work(
+    path: Path, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(host_memory, "total", lambda: 300 << 20)
     error = _run(command, path).exception
     assert isinstance(error, TooLargeError)  # exit code 2
@@ -38,7 +40,7 @@ def test_too_little_memory_is_said_before_any_work(path: Path, command: str, mon
     assert [found.name for found in path.parent.iterdir()] == ["tiny.yaml"]
 
 
-def test_check_warns_and_allow_large_goes_on(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_warns_and_allow_large_permits_the_build(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(host_memory, "per_process", lambda: 100 << 20)
     checked = _run("check", path)
     assert checked.exception is None
@@ -52,5 +54,5 @@ def test_plan_shows_memory(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     document = json.loads(_run("plan", "--json", path).output)
     cost, memory = document["cost"], document["memory"]
     assert memory["host"] == 64 << 30
-    used = min(memory["workers"], cost["frames"])  # on a host of many cores, some have no frame to render
+    used = min(memory["workers"], cost["frames"])  # on a host with many cores, some workers have no frame to render
     assert memory["needed"] == cost["main_memory"] + used * cost["worker_memory"]

@@ -1,4 +1,4 @@
-"""What a command may write over, whose lockfile a recipe takes, and that text is not identity."""
+"""Which files a command may overwrite, and which lockfile belongs to a recipe; its text is not part of the identity."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Run = Callable[..., Result]
 
 @pytest.fixture
 def recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """The commands, in this process and an empty project, with engines that are quick."""
+    """Return a function that runs commands in this process, in an empty project and with fast engines."""
     (tmp_path / "pyproject.toml").touch()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
@@ -56,7 +56,7 @@ def manifest(folder: str) -> dict[str, str]:
     return found
 
 
-def test_another_recipes_finished_dataset_is_not_replaced_unasked(recipe: Run) -> None:
+def test_the_dataset_of_another_recipe_is_not_replaced_without_replace(recipe: Run) -> None:
     write("a.yaml", RECIPE)
     write("b.yaml", OTHER_PLAN.replace("recipe: small", "recipe: other"))
     assert recipe("build", "a.yaml", "--out", "X").exit_code == 0
@@ -71,7 +71,7 @@ def test_another_recipes_finished_dataset_is_not_replaced_unasked(recipe: Run) -
     assert manifest("X")["recipe"] == "other"
 
 
-def test_the_commands_of_a_datasets_readme_keep_it_whole(recipe: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_in_a_datasets_readme_do_not_change_it(recipe: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """A build inside a dataset would add files to it, and its verification would fail."""
     write("a.yaml", RECIPE)
     assert recipe("build", "a.yaml").exit_code == 0
@@ -86,7 +86,9 @@ def test_the_commands_of_a_datasets_readme_keep_it_whole(recipe: Run, monkeypatc
     assert sorted(dataset.rglob("*")) == before
     for _ in range(2):
         for arguments in commands:
-            extra = ["--integrity"] if arguments[0] == "verify" else []  # with these engines, the rest says nothing
+            extra = (
+                ["--integrity"] if arguments[0] == "verify" else []
+            )  # (the remaining output is meaningless with these engines)
             assert recipe(*arguments, *extra).exit_code == 0
     assert manifest("../small-again") == manifest(".")
 
@@ -102,13 +104,13 @@ def test_two_recipes_of_one_name_do_not_share_a_dataset(recipe: Run) -> None:
         recipe("build", "b/r.yaml")
     assert manifest("datasets/small") == first
     assert recipe("build", "b/r.yaml", "--replace").exit_code == 0
-    with pytest.raises(InputError, match="or replace it"):  # it is b's now
+    with pytest.raises(InputError, match="or replace it"):  # it belongs to b now
         recipe("build", "a/r.yaml")
 
 
 @pytest.mark.slow
 def test_a_recipe_replaces_its_own_dataset_after_every_edit(recipe: Run) -> None:
-    """Also after another recipe of the same meaning found it there, and where the project was moved as a whole."""
+    """Also after a build of another recipe with an equal plan, and after the project was moved."""
     write("p/a.yaml", RECIPE)
     os.chdir("p")
     for text in (RECIPE, OTHER_PLAN, RECIPE.replace("seed: 1", "seed: 2")):
@@ -123,23 +125,23 @@ def test_a_recipe_replaces_its_own_dataset_after_every_edit(recipe: Run) -> None
     assert recipe("build", "a.yaml").exit_code == 0
 
 
-def test_a_dataset_that_came_from_elsewhere_is_not_replaced_unasked(recipe: Run) -> None:
+def test_a_dataset_of_unknown_origin_is_not_replaced_without_replace(recipe: Run) -> None:
     write("a.yaml", RECIPE)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
     provenance.record_path(Path("downloaded")).unlink()
     write("a.yaml", OTHER_PLAN)
     with pytest.raises(InputError, match=r"not known to be built from a\.yaml; .*or replace it"):
         recipe("build", "a.yaml", "--out", "downloaded")
-    write("a.yaml", RECIPE)  # that makes this very dataset, so it may
+    write("a.yaml", RECIPE)  # allowed: this recipe builds the same dataset
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
     write("a.yaml", OTHER_PLAN)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
 
 
-def test_a_whole_dataset_whose_recipe_cannot_be_recorded_is_no_error(
+def test_a_build_succeeds_if_the_record_of_its_recipe_cannot_be_written(
     recipe: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A dataset on a full or read-only disk: the build is done, and nothing half-written lies beside it."""
+    """The disk is full or read-only: the dataset is complete, and no partial file is left beside it."""
 
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -150,12 +152,14 @@ def test_a_whole_dataset_whose_recipe_cannot_be_recorded_is_no_error(
         assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
         assert "exists (sizes checked" in recipe("build", "a.yaml", "--out", "sets/small").stdout
     assert [p.name for p in Path("sets").iterdir()] == ["small"]
-    killed = write("sets/..small.source.json.4711.0.tmp", "{")  # by a build that was killed while it wrote the record
+    killed = write(
+        "sets/..small.source.json.4711.0.tmp", "{"
+    )  # left by a build that was killed while writing the record
     assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
     assert provenance.record_path(Path("sets/small")).is_file() and not killed.exists()
 
 
-def test_no_folder_of_the_recipe_enters_the_dataset(recipe: Run) -> None:
+def test_the_dataset_does_not_contain_the_path_of_the_recipe(recipe: Run) -> None:
     write("secret_place/small.yaml", RECIPE)
     assert recipe("build", "secret_place/small.yaml").exit_code == 0
     assert "secret_place" in provenance.record_path(Path("datasets/small")).read_text()
@@ -171,7 +175,7 @@ def test_a_dataset_at_a_url_is_not_replaced_by_a_recipe_of_another_name(recipe: 
     before = manifest("there")
     with pytest.raises(InputError, match=r"holds the dataset of another recipe, 'small'.*or replace it"):
         recipe("build", "b.yaml", "--out", url)
-    assert not Path("datasets/other").exists()  # said before the work
+    assert not Path("datasets/other").exists()  # reported before the work
     assert manifest("there") == before
     assert recipe("build", "b.yaml", "--out", url, "--replace").exit_code == 0
 
@@ -194,7 +198,7 @@ def test_two_recipes_of_one_name_do_not_share_a_lockfile(recipe: Run) -> None:
     with pytest.raises(InputError, match=r"a/r\.yaml and b/r\.yaml have one name, and so one lockfile"):
         recipe("lock", "a/r.yaml", "b/r.yaml", "--update")
     assert Path("lockfiles/small.lock").read_bytes() == before
-    Path("b/lockfiles").mkdir()  # one of the two remedies: then it has a project of its own
+    Path("b/lockfiles").mkdir()  # one of the two remedies: a project of its own
     assert recipe("lock", "b/r.yaml").stdout.startswith("b/lockfiles/small.lock written")
     assert recipe("lock", "a/r.yaml").stdout.startswith("lockfiles/small.lock is up to date")
 
@@ -211,7 +215,7 @@ def test_two_recipes_of_one_name_in_one_folder_get_remedies_that_can_be_followed
     )
 
 
-def test_a_lockfile_in_python_is_not_written_over_another_recipes(recipe: Run) -> None:
+def test_in_python_the_lockfile_of_another_recipe_is_not_overwritten(recipe: Run) -> None:
     write("a/r.yaml", RECIPE)
     write("b/r.yaml", OTHER_PLAN)
     recipe("lock", "a/r.yaml")
@@ -228,7 +232,7 @@ def test_a_lockfile_in_python_is_not_written_over_another_recipes(recipe: Run) -
 
 
 @pytest.mark.parametrize("marker", ["pyproject.toml", ".git", "lockfiles"])
-def test_the_lockfile_is_sought_beside_the_recipe_and_in_its_project_alone(tmp_path: Path, marker: str) -> None:
+def test_the_lockfile_is_searched_for_beside_the_recipe_and_in_its_project_only(tmp_path: Path, marker: str) -> None:
     (tmp_path / "lockfiles").mkdir()
     (tmp_path / "lockfiles" / "r.lock").touch()
     project = tmp_path / "project"
@@ -242,19 +246,19 @@ def test_the_lockfile_is_sought_beside_the_recipe_and_in_its_project_alone(tmp_p
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
-def test_a_folder_of_another_user_is_no_project(tmp_path: Path) -> None:
+def test_the_folder_of_another_user_is_not_a_project(tmp_path: Path) -> None:
     start = tmp_path / "shared" / "mine"
     start.mkdir(parents=True)
     (tmp_path / "shared" / "lockfiles").mkdir()
     recipe = start / "r.yaml"
     recipe.touch()
     assert places.lockfile_path(recipe, "r").resolve().parent == tmp_path / "shared" / "lockfiles"
-    os.chown(tmp_path / "shared" / "lockfiles", 4711, 4711)  # as somebody puts one into /tmp
+    os.chown(tmp_path / "shared" / "lockfiles", 4711, 4711)  # as another user could create it in /tmp
     assert places.lockfile_path(recipe, "r").resolve().parent == start / "lockfiles"
     os.chown(tmp_path / "shared" / "lockfiles", 0, 0)
     os.chown(tmp_path / "shared", 4711, 4711)
     assert places.lockfile_path(recipe, "r").resolve().parent == start / "lockfiles"
-    os.chown(recipe, 4711, 4711)  # the recipe's author may also determine its output
+    os.chown(recipe, 4711, 4711)  # the author of the recipe may determine its output
     assert places.lockfile_path(recipe, "r").resolve().parent == tmp_path / "shared" / "lockfiles"
 
 
@@ -274,7 +278,7 @@ def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> No
     assert kept.stdout.startswith(f"lockfiles/small.lock is up to date; {note} (--update records the new text)\n")
     assert Path("lockfiles/small.lock").read_bytes() == locked
     assert recipe("pack", "renamed.yaml").exit_code == 0
-    assert "note" not in recipe("verify", "small.recipe", "--frames", "1").stdout  # a pack holds the text of now
+    assert "note" not in recipe("verify", "small.recipe", "--frames", "1").stdout  # a pack contains the current text
     write("plain.yaml", RECIPE)
     compared = recipe("diff", "plain.yaml", "renamed.yaml")
     assert (compared.exit_code, compared.stdout) == (0, "nothing differs\n")
@@ -283,8 +287,8 @@ def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> No
     assert "note" not in recipe("verify", "renamed.yaml", "--frames", "1").stdout
 
 
-def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
-    """A lockfile that names no file is anyone's; so locking the renamed recipe records where it is now."""
+def test_the_lockfile_of_a_renamed_recipe_is_protected_from_others(recipe: Run) -> None:
+    """Locking the renamed recipe records its new name, so that another recipe cannot replace the lockfile."""
     write("small.yaml", RECIPE)
     recipe("lock", "small.yaml")
     before = lockfile.read(Path("lockfiles/small.lock"))
@@ -303,7 +307,7 @@ def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
     assert recipe("build", "renamed.yaml", "--locked").exit_code == 0
 
 
-def test_a_recipe_that_was_renamed_and_not_locked_again_keeps_its_lockfile(recipe: Run) -> None:
+def test_the_lockfile_of_a_renamed_recipe_is_protected_before_it_is_locked_again(recipe: Run) -> None:
     write("small.yaml", RECIPE)
     recipe("lock", "small.yaml")
     path = Path("lockfiles/small.lock")
@@ -318,14 +322,14 @@ def test_a_recipe_that_was_renamed_and_not_locked_again_keeps_its_lockfile(recip
     with pytest.raises(InputError, match="which does not exist, and has another plan"):  # in Python
         replace(lockfile.read(path), plan="0" * 64, source="../other.yaml").write(path)
     assert path.read_bytes() == locked
-    assert "now names ../renamed.yaml" in recipe("lock", "renamed.yaml").stdout  # the remedy
+    assert "now names ../renamed.yaml" in recipe("lock", "renamed.yaml").stdout  # (the remedy works)
     Path("renamed.yaml").unlink()
     assert recipe("lock", "other.yaml", "--replace").exit_code == 0
 
 
 @pytest.mark.parametrize("changed", [False, True])
-def test_verify_goes_on_after_a_lockfile_whose_recipe_is_gone(recipe: Run, changed: bool) -> None:
-    """The last of the lockfiles is checked, too, and a FAIL is not hidden."""
+def test_verify_continues_after_a_lockfile_whose_recipe_is_missing(recipe: Run, changed: bool) -> None:
+    """The last lockfile is verified too, and a FAIL is not hidden."""
     write("first.yaml", RECIPE.replace("recipe: small", "recipe: aa"))
     write("second.yaml", RECIPE.replace("recipe: small", "recipe: bb"))
     recipe("lock", "first.yaml", "second.yaml")
@@ -374,7 +378,7 @@ def test_a_changed_plan_still_fails_and_names_the_file(recipe: Run) -> None:
         recipe("build", "small.yaml", "--locked")
 
 
-def test_no_command_writes_over_a_file_that_is_there(recipe: Run, tmp_path: Path) -> None:
+def test_no_command_overwrites_an_existing_file(recipe: Run, tmp_path: Path) -> None:
     write("small.yaml", RECIPE)
     precious = {name: write(name, "precious") for name in ("a.png", "a.json", "a.recipe", "f/blueprints.jpg")}
     cases = (
@@ -398,18 +402,18 @@ def test_no_command_writes_over_a_file_that_is_there(recipe: Run, tmp_path: Path
     assert "precious" not in {precious[name].read_text(errors="replace") for name in ("a.png", "a.json", "a.recipe")}
 
 
-def test_a_shot_without_a_name_takes_one_that_is_free(recipe: Run) -> None:
+def test_a_shot_without_a_name_gets_an_unused_one(recipe: Run) -> None:
     write("small.yaml", RECIPE)
     first = Path("small-weather=dry-street-rgb-000001.png")
     first.write_text("precious")
-    for _ in range(2):  # the same picture is the same file
+    for _ in range(2):  # an equal picture has the same name
         assert recipe("shot", "small.yaml").stdout.startswith("small-weather=dry-street-rgb-000001.2.png: ")
     assert first.read_text() == "precious"
     assert recipe("shot", "small.yaml", "--replace").stdout.startswith(f"{first}: ")
     assert first.read_bytes() == Path("small-weather=dry-street-rgb-000001.2.png").read_bytes()
 
 
-def test_an_unfinished_build_of_another_recipe_is_not_discarded_unasked(
+def test_the_unfinished_build_of_another_recipe_is_not_discarded_without_replace(
     recipe: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from tests.cli.test_stops import FRAMES, _stopping
@@ -428,7 +432,7 @@ def test_an_unfinished_build_of_another_recipe_is_not_discarded_unasked(
     assert "10 resumed from the stopped build" in recipe("build", "a.yaml", "--out", "X").stdout
 
 
-def test_a_file_where_a_parent_folder_is_wanted_is_in_the_way(recipe: Run) -> None:
+def test_a_file_in_place_of_a_parent_folder_is_an_error(recipe: Run) -> None:
     write("a.yaml", RECIPE)
     write("afile", "")
     for output in ("afile/sub", "afile/deep/sub"):
@@ -437,7 +441,7 @@ def test_a_file_where_a_parent_folder_is_wanted_is_in_the_way(recipe: Run) -> No
         assert caught.value.problems[0].code is Code.OUTPUT_IN_THE_WAY
 
 
-def test_the_folder_that_is_suggested_beside_a_dataset_is_free(recipe: Run) -> None:
+def test_the_suggested_folder_does_not_exist(recipe: Run) -> None:
     write("a.yaml", RECIPE)
     assert recipe("build", "a.yaml").exit_code == 0
     with pytest.raises(InputError, match=r"such as \S*/datasets/sub$"):
@@ -448,7 +452,7 @@ def test_the_folder_that_is_suggested_beside_a_dataset_is_free(recipe: Run) -> N
 
 
 def test_diff_suggests_no_update_of_the_lockfile_of_another_recipe(recipe: Run) -> None:
-    """`recipe lock --update` with the second recipe would replace the first one's lockfile."""
+    """`recipe lock --update` with the second recipe would replace the lockfile of the first."""
     write("a.yaml", RECIPE)
     write("b.yaml", OTHER_PLAN)
     assert recipe("lock", "a.yaml").exit_code == 0
@@ -459,7 +463,7 @@ def test_diff_suggests_no_update_of_the_lockfile_of_another_recipe(recipe: Run) 
 
 
 def test_an_integrity_check_prints_no_nonce(recipe: Run) -> None:
-    """It samples nothing."""
+    """It draws no sample."""
     write("a.yaml", RECIPE)
     assert recipe("build", "a.yaml").exit_code == 0
     assert "nonce" not in recipe("verify", "datasets/small", "--integrity").stdout

@@ -1,4 +1,4 @@
-"""The commands that write one small file, or none: names, folders and hosts that will not have it; and the bar."""
+"""Commands that write one small file or none: invalid names, unwritable folders, links; and the progress bar."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.compiler.kitchen import small
 
 
 @pytest.mark.parametrize("name", ["rain_bench", "rain-bench", "Rain2", "no", "12", "null", "a" * 64, "long_name_of_it"])
-def test_any_name_that_the_language_allows_makes_a_recipe(tmp_path: Path, name: str) -> None:
+def test_every_valid_name_makes_a_recipe(tmp_path: Path, name: str) -> None:
     done = CliRunner().invoke(init.command, [name, "--dir", str(tmp_path / "new")], catch_exceptions=False)
     assert done.exit_code == 0
     assert compile_recipe(tmp_path / "new" / f"{name}.yaml").plan.recipe == name
@@ -33,13 +33,13 @@ def test_any_name_that_the_language_allows_makes_a_recipe(tmp_path: Path, name: 
     ("name", "nearest"),
     [("x.yaml", "'x'"), ("../x", "'x' with --dir .."), ("my dataset", "'rain_bench'"), ("", "'rain_bench'")],
 )
-def test_any_other_name_is_refused_with_one_that_would_do(tmp_path: Path, name: str, nearest: str) -> None:
+def test_an_invalid_name_is_refused_with_a_valid_one(tmp_path: Path, name: str, nearest: str) -> None:
     with pytest.raises(InputError, match=f"cannot name a recipe: .*; try {nearest}$"):
         CliRunner().invoke(init.command, [name, "--dir", str(tmp_path)], catch_exceptions=False)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_host_that_will_not_have_a_file_is_reported_in_one_line(tmp_path: Path) -> None:
+def test_an_unwritable_file_is_an_error_of_one_line(tmp_path: Path) -> None:
     (tmp_path / "full.json").symlink_to("/dev/full")
     for command, arguments in (
         (init.command, ["x", "--dir", "/proc"]),
@@ -59,7 +59,7 @@ def test_a_dataset_cannot_be_built_where_no_files_are_stored(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("there", [None, "recipe: mine\n"])
-def test_a_recipe_that_a_full_disk_does_not_take_leaves_what_was_there(tmp_path: Path, there: str | None) -> None:
+def test_a_full_disk_does_not_change_an_existing_recipe(tmp_path: Path, there: str | None) -> None:
     path = tmp_path / "mine.yaml"
     if there is not None:
         path.write_text(there)
@@ -80,7 +80,7 @@ def test_a_recipe_that_a_full_disk_does_not_take_leaves_what_was_there(tmp_path:
     ("command", "folder"), [("lock", "lockfiles"), ("verify", "differences")], ids=["lock", "verify"]
 )
 def test_a_default_folder_that_is_a_link_is_not_written_through(tmp_path: Path, command: str, folder: str) -> None:
-    """The command line does not name it, so a folder from elsewhere must not choose where files go."""
+    """The command line does not name it, so an untrusted folder could choose where files are written."""
     (tmp_path / "r.yaml").write_text(json.dumps(small()))
     (tmp_path / "victim").mkdir()
     (tmp_path / folder).symlink_to("victim")
@@ -92,7 +92,7 @@ def test_a_default_folder_that_is_a_link_is_not_written_through(tmp_path: Path, 
 @pytest.mark.parametrize("replace", [[], ["--replace"]], ids=["", "replace"])
 @pytest.mark.parametrize("there", [None, "private"], ids=["dangling", "file"])
 def test_no_file_is_written_through_a_link(tmp_path: Path, there: str | None, replace: list[str]) -> None:
-    """A link such as `r.recipe -> ~/.bashrc` may come with a recipe from elsewhere."""
+    """An untrusted folder could contain a link such as `r.recipe -> ~/.bashrc`."""
     (tmp_path / "r.yaml").write_text(json.dumps(small() | {"recipe": "r"}))
     victim = tmp_path / "victim"
     if there:
@@ -124,13 +124,13 @@ def test_a_map_of_an_unknown_town_names_the_towns(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("size", ["0", "0.4", "0K", "99999999999999T"])
 def test_a_shard_of_no_or_too_many_bytes_is_refused(tmp_path: Path, size: str) -> None:
-    """Before the dataset is read: there is none here."""
+    """It is refused before the dataset, which does not exist here, is read."""
     arguments = [str(tmp_path / "no"), str(tmp_path / "out"), "--shard-size", size]
     with pytest.raises(InputError, match=f"--shard-size {size}: a shard holds 1 byte to "):
         CliRunner().invoke(export.command, arguments, catch_exceptions=False)
 
 
-def test_a_folder_that_is_not_there_is_said_and_not_made(tmp_path: Path) -> None:
+def test_a_missing_folder_is_an_error_and_not_created(tmp_path: Path) -> None:
     (tmp_path / "r.yaml").write_text(json.dumps(small()))
     for command, arguments in ((schema.command, []), (shot.command, [str(tmp_path / "r.yaml")])):
         with pytest.raises(InputError, match=r"new/x\.png: there is no folder .*new; make it first"):
@@ -158,7 +158,7 @@ def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
         assert says in done.stderr and "`recipe plan` and `recipe build` need --allow-large" in done.stderr
 
 
-def test_check_as_json_holds_warnings_and_the_file_of_every_problem(tmp_path: Path) -> None:
+def test_check_as_json_has_warnings_and_the_file_of_every_problem(tmp_path: Path) -> None:
     path, missing = tmp_path / "r.yaml", tmp_path / "missing.yaml"
     draw = {"draw": {"count": 1, "values": {"weather.wetness": {"uniform": [0, 9]}}}}
     path.write_text(json.dumps(small() | {"deltas": {"w": {"wet": {"weather": {"wetness": 9}}}}, "sweep": draw}))
@@ -188,13 +188,13 @@ def test_a_bar_fits_the_terminal(columns: int) -> None:
     assert max(map(len, lines)) in range(columns - 8, columns + 1)
 
 
-def test_an_interrupted_bar_leaves_its_line_to_be_ended() -> None:
+def test_the_line_of_an_interrupted_bar_is_ended() -> None:
     assert on_a_terminal(_BAR.format(interrupt=True), 80).split("Traceback")[0].count("\n") == 0
     assert on_a_terminal(_BAR.format(interrupt=False), 80).endswith("\n")
 
 
 def on_a_terminal(program: str, columns: int) -> str:
-    """What a program writes to standard error when that is a terminal so wide; escapes left out."""
+    """Return what a program writes to standard error on a terminal of the given width, without escape codes."""
     ours, theirs = pty.openpty()
     environment = {**os.environ, "COLUMNS": str(columns), "LINES": "24"}
     subprocess.run([sys.executable, "-c", program], stderr=theirs, stdout=theirs, env=environment, check=False)
@@ -203,7 +203,7 @@ def on_a_terminal(program: str, columns: int) -> str:
     try:
         while chunk := os.read(ours, 4096):
             text += chunk
-    except OSError:  # how a terminal says that its other end is closed
+    except OSError:  # a terminal whose other end is closed
         pass
     os.close(ours)
     return text.decode().replace("\x1b[?25l", "").replace("\x1b[?25h", "")
@@ -212,8 +212,8 @@ def on_a_terminal(program: str, columns: int) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["verify", "build", "plan", "diff"])
 @pytest.mark.parametrize("suffix", [".yaml", ".lock", ".recipe", ""])
-def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, suffix: str) -> None:
-    """Line breaks and escape codes in names are printed escaped, in all messages."""
+def test_names_with_control_characters_are_escaped(tmp_path: Path, command: str, suffix: str) -> None:
+    """This applies to line breaks and escape codes, in all messages."""
     name = f"two\nlines\x1b[31m{suffix}"
     if suffix:
         (tmp_path / name).write_bytes(b"\x00")
@@ -229,10 +229,10 @@ def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, su
 
 
 @pytest.mark.parametrize(("stop", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143)], ids=repr)
-def test_a_signal_within_a_serializer_is_no_fault_of_the_program(
+def test_a_signal_within_a_serializer_is_not_reported_as_an_internal_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: BaseException, code: int
 ) -> None:
-    """Pydantic replaces the exception of the signal by one of its own."""
+    """Pydantic replaces the exception of the signal with its own."""
 
     class Stopped(BaseModel):
         @model_serializer

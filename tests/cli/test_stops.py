@@ -1,4 +1,4 @@
-"""What a build that is interrupted says of what it leaves, and the next of what it took up: counted, never guessed."""
+"""An interrupted build reports how many frames it kept, and the next build how many it resumed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Runner = Callable[..., local.Seconds]
 
 
 def _stopping(after: int) -> Runner:
-    """A runner that is interrupted when so many shards are done."""
+    """Return a runner that is interrupted after a number of shards."""
 
     def run(job: Job, shards: Sequence[Shard], workers: int, done: local.Done, tick: Callable[[int], None]) -> NoReturn:
         local.run(job, shards[:after], 0, done, tick)
@@ -45,7 +45,7 @@ def _whole(
 
 @pytest.fixture
 def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    """`recipe build`, in this process, with engines that are quick."""
+    """Return a function that runs `recipe build` in this process with fast engines."""
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", f"frames: {FRAMES // 2}"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
@@ -65,13 +65,13 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Re
 def test_an_interrupted_build_counts_the_frames_that_it_kept(command: Callable[..., Result]) -> None:
     first = command(_stopping(0))
     assert (first.exit_code, problems(first.stderr)) == (130, [_NONE])
-    second = command(_stopping(1))  # a shard is five frames in each of two weathers
+    second = command(_stopping(1))  # a shard has five frames in each of two weathers
     assert (second.exit_code, problems(second.stderr)) == (
         130,
         ["interrupted; 10 of 12 frames are kept; build again to continue"],
     )
     again = command(_stopping(0))
-    assert again.stderr == second.stderr  # what an earlier build left is kept by one that did nothing
+    assert again.stderr == second.stderr  # a build without progress keeps the frames of an earlier one
     whole = command(_whole)
     assert whole.exit_code == 0
     assert "12 frames: 2 rendered, 10 resumed from the stopped build;" in whole.stdout
@@ -84,7 +84,7 @@ def test_frames_of_another_recipe_are_not_counted(command: Callable[..., Result]
     assert problems(command(_stopping(0)).stderr) == [_NONE]
 
 
-def test_an_interrupted_copy_says_that_the_dataset_is_whole(
+def test_an_interrupted_upload_reports_that_the_dataset_is_complete(
     command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     from recipe_runtime.transfer.upload import Target
@@ -101,7 +101,7 @@ def test_an_interrupted_copy_says_that_the_dataset_is_whole(
 
 
 @pytest.mark.slow
-def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tmp_path: Path) -> None:
+def test_an_interrupted_repair_does_not_claim_success(command: Callable[..., Result], tmp_path: Path) -> None:
     command(_whole)
     picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
     picture.write_bytes(picture.read_bytes()[:-1] + b"!")
@@ -116,7 +116,7 @@ def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tm
     assert "every file has the bytes that its manifest lists" in command(_whole, "--repair").stdout
 
 
-def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
+def test_a_repair_interrupted_after_its_end_gets_the_same_message(
     command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     from recipe_runtime.cache import pruning
@@ -133,7 +133,7 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
         patch.setattr(pruning, "auto_prune", auto_prune)
         stopped = command(_whole, "--repair")
     assert problems(stopped.stderr) == ["interrupted; run it again with --repair to repair the rest"]
-    assert picture.read_bytes() == whole  # it was in place by then
+    assert picture.read_bytes() == whole  # the dataset was already in place
 
 
 @pytest.mark.parametrize(

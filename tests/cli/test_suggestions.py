@@ -1,4 +1,4 @@
-"""Wrong command lines and paths are answered in plain words, with what to write instead."""
+"""Errors for wrong command lines and paths are plain and suggest what to write instead."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.cli.runner import run_here
 
 
 def _error(folder: Path, *arguments: str) -> list[str]:
-    """The lines that a command prints on standard error; it must end with exit code 2."""
+    """Return what a command prints on standard error; its exit code must be 2."""
     done = run_here(*arguments, cwd=folder)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
     return done.stderr.splitlines()
@@ -22,7 +22,7 @@ def _error(folder: Path, *arguments: str) -> list[str]:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """A folder with a recipe, and what its dataset and lockfile would be called."""
+    """Return a folder with a recipe and with placeholders for its dataset and lockfile."""
     (tmp_path / "mine.yaml").write_text(template("mine"))
     (tmp_path / "datasets/town").mkdir(parents=True)
     (tmp_path / "datasets/town/manifest.json").write_text("{}")
@@ -51,22 +51,22 @@ def test_the_nearest_path_is_found(
     assert suggestions.nearest_place(Path(missing)) == nearest
 
 
-def test_a_missing_target_of_verify_names_the_nearest(project: Path) -> None:
+def test_a_missing_target_of_verify_gets_a_suggestion(project: Path) -> None:
     assert _error(project, "verify", "dataset/town")[1] == "help: did you mean datasets/town?"
     assert _error(project, "verify", "s3:/bucket/x")[1] == "help: did you mean s3://bucket/x?"
     assert _error(project, "export", "datasets/twon", "out")[1] == "help: did you mean datasets/town?"
     assert _error(project, "verify", "datasets")[1] == "help: did you mean datasets/town?"
 
 
-def test_a_url_with_one_slash_makes_no_folder(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It was built into a folder that is named `s3:`."""
+def test_a_url_with_one_slash_is_refused(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: the dataset was built into a folder named `s3:`."""
     message, help = _error(project, "build", "mine.yaml", "-o", "s3:/bucket/x")
     assert (message.partition(": ")[2], help) == (
         "s3:/bucket/x: there is no folder of that name",
         "help: did you mean s3://bucket/x?",
     )
     assert not (project / "s3:").exists()
-    (project / "s3:").mkdir()  # but who has such a folder may use it
+    (project / "s3:").mkdir()  # an existing folder of this name may be used
     monkeypatch.chdir(project)
     assert suggestions.url_with_one_slash("s3:/bucket/x") is None
     assert suggestions.url_with_one_slash("/tmp/s3:/x") is None
@@ -98,7 +98,7 @@ def test_wrong_usage_is_reported_in_plain_words(
 @pytest.mark.slow
 @pytest.mark.parametrize("as_json", [False, True])
 def test_ctrl_c_while_modules_are_imported_prints_no_traceback(project: Path, as_json: bool) -> None:
-    """The signal is sent when click is loaded, which is before the command's own handling of errors begins."""
+    """The signal is sent while click is imported, before the command's error handling is active."""
     program = (
         "import sys, os, signal\n"
         "class Stop:\n"

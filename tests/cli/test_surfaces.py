@@ -1,4 +1,4 @@
-"""`recipe surfaces`: what a recipe can name, where it is, and pictures to look at and to paint on."""
+"""`recipe surfaces`: names and places of surfaces, their pictures, and blank texture maps."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_town_lists_its_surfaces_with_sizes_and_places() -> None:
 
 
 def test_every_listed_surface_can_be_named_in_a_recipe(tmp_path: Path) -> None:
-    """A patch as large as the listed size, on the first surfaces of each kind of a recipe's scene."""
+    """Tested with patches of the listed size on the first surfaces of each kind in a recipe's scene."""
     rows = json.loads(run(str(POSTER), "--json").stdout)
     chosen = {(row["on"], row["name"].split(".")[0], row["surface"]): row for row in rows}
     patches = {}
@@ -82,7 +82,7 @@ def test_a_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_flat_surfaces_are_shown_on_a_sheet(tmp_path: Path) -> None:
-    """In green, in the middle of its picture."""
+    """The surface is green, at the centre of its picture."""
     run(str(POSTER), "wall.1", "-o", str(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["surfaces-1.jpg"]
     sheet = np.asarray(Image.open(tmp_path / "surfaces-1.jpg")).astype(int)

@@ -1,4 +1,4 @@
-"""Build, then lock: nothing is rendered twice; and a copied dataset is verified and built again from itself."""
+"""A lock after a build renders nothing again; a copied dataset can be verified and built again from its own files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.cli.test_commands import RECIPE, run
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a recipe that extends another, its dataset and a lockfile that was made after that."""
+    """Return a folder with a recipe that extends another, its dataset, and a lockfile written after the build."""
     root = tmp_path_factory.mktemp("project")
     (root / "parts").mkdir()
     (root / "parts" / "base.yaml").write_text(RECIPE)
@@ -25,7 +25,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_lock_after_a_build_takes_it_over_and_is_the_lockfile_of_a_fresh_one(project: Path) -> None:
+def test_a_lock_after_a_build_reuses_its_frames_and_equals_a_lock_without_it(project: Path) -> None:
     locked = run_here("lock", "small.yaml", cwd=project)
     assert locked.returncode == 0, locked.stderr
     assert "4 frames reused from the dataset built here\n" in locked.stdout

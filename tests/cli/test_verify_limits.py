@@ -1,4 +1,4 @@
-"""A dataset's folder may be anyone's: what its plan asks for is admitted like a recipe's, before anything is made."""
+"""A dataset's folder is untrusted: the limits of recipes apply to its plan before any work."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_a_plan_over_the_limits_is_refused_unless_allowed(built: Path, monkeypat
 
 
 @pytest.mark.slow
-def test_a_plan_of_hours_costs_hours() -> None:
-    """As the attacker wrote it: long, with large pictures, and no frame of it in the manifest."""
+def test_the_estimate_of_a_long_plan_is_in_hours() -> None:
+    """An attacker's plan: long, with large pictures, and without a frame in the manifest."""
     (long,) = fakes.dataset_plan(frames=60_000, weathers=1).variants[:1]
     assert plan_cost(PLAN).over() == []
     assert plan_cost(PLAN.model_copy(update={"variants": (long,)})).over() != []
@@ -54,10 +54,10 @@ def test_nothing_is_simulated_where_frames_have_no_digest(built: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["frame", "variant"])
-def test_a_lockfile_is_read_up_to_a_few_times_what_its_recipe_has(
+def test_a_lockfile_is_read_up_to_a_multiple_of_the_rows_of_its_recipe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    """A lockfile that is verified by name has the limits of its recipe's plan, too."""
+    """The limits of its recipe's plan also apply to a lockfile that is verified by name."""
     monkeypatch.chdir(tmp_path)
     Path("pyproject.toml").touch()
     Path("small.yaml").write_text(RECIPE)

@@ -12,7 +12,7 @@ CELL = 8  # pixels
 
 
 class CellDetector(torch.nn.Module):
-    """The score of each cell of a picture, by two layers of fixed weights."""
+    """Return a score for each cell of a picture, from two layers of fixed weights."""
 
     def __init__(self) -> None:
         super().__init__()

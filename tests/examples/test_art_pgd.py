@@ -1,4 +1,4 @@
-"""ART's projected gradient descent through the renderer, with a detector of a few layers. `make test-torch`."""
+"""Projected gradient descent of ART through the renderer, with a small detector. `make test-torch`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FRAMES = [(RENDERED, 0), ("weather=clear,insertion=rendered", 2)]
 
 @pytest.fixture
 def torchvision(monkeypatch: pytest.MonkeyPatch) -> None:
-    """ART reads torchvision's version, and nothing else of it; no CPU build of torchvision is on PyPI."""
+    """Provide torchvision's version, the only part of it that ART reads (PyPI has no CPU build of torchvision)."""
     try:
         import torchvision  # noqa: F401
     except (ImportError, RuntimeError):
@@ -39,7 +39,7 @@ def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.usefixtures("torchvision")
 @pytest.mark.parametrize(("approach", "sign"), [(False, 1.0), (True, -1.0)], ids=["miss", "see"])
 def test_arts_descent_changes_the_loss_in_the_rendered_frames(recipe: Path, approach: bool, sign: float) -> None:
-    """The loss in frames of `Scenario.render` changes by more than with a random texture; twice by the same bytes."""
+    """The loss in frames of `Scenario.render` changes by more than with a random texture; two runs give equal bytes."""
     from recipe_runtime.torch import SceneView
 
     from examples.attacks.art_pgd import attack

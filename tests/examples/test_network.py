@@ -1,4 +1,4 @@
-"""The detector that is fetched: TensorFlow Lite's outputs, and a rendered person. `make test-detector`."""
+"""The downloaded detector has the outputs of TensorFlow Lite, and detects a rendered person. `make test-detector`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return np.asarray(recipe_runtime.open(path).render(4), np.float32) / 255
 
 
-def test_outputs_are_tensorflow_lites(model: bytes, picture: Any) -> None:
+def test_outputs_equal_those_of_tensorflow_lite(model: bytes, picture: Any) -> None:
     litert = pytest.importorskip("ai_edge_litert.interpreter")
     from examples.attacks.network import TfliteNetwork
 

@@ -1,4 +1,4 @@
-"""The study's tables and files, from results that are made up. `make test-torch`."""
+"""The study's tables and files, from invented results. `make test-torch`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NAMES = ("logo", "random texture", "noise on the logo", *ATTACKED)
 
 @pytest.fixture
 def results() -> Any:
-    """Two frames a weather; "many weathers" finds a person in all, others in the sun's first frame alone."""
+    """Return two frames per weather; "many weathers" has all persons detected, others only that of the first in sun."""
     from examples.attacks.experiment import HELD_OUT, MANY, Outcome
     from examples.attacks.results import Results
 
@@ -29,7 +29,7 @@ def results() -> Any:
     return Results(frames, outcomes, [dict.fromkeys((*MANY, *HELD_OUT), 0.5 + seed / 10) for seed in range(3)])
 
 
-def test_rates_are_those_of_the_scores(results: Any) -> None:
+def test_rates_follow_from_the_scores(results: Any) -> None:
     from benchmarks.pages import markdown
     from examples.attacks.report import tables
 
@@ -44,7 +44,7 @@ def test_rates_are_those_of_the_scores(results: Any) -> None:
     assert "| fog | 0.600 ± 0.248 |" in cosines  # 4.303 * 0.1 / sqrt(3)
 
 
-def test_files_hold_every_texture_and_score(results: Any, tmp_path: Path) -> None:
+def test_files_contain_every_texture_and_score(results: Any, tmp_path: Path) -> None:
     from examples.attacks.results import read, write
 
     results.outcomes["digital"][1].texture[0, 2, 5, 7] = 1.0
@@ -58,7 +58,7 @@ def test_files_hold_every_texture_and_score(results: Any, tmp_path: Path) -> Non
             assert (one.losses, one.rendered, one.inserted) == (other.losses, other.rendered, other.inserted)
 
 
-def test_the_sheet_marks_people_that_are_found(results: Any, tmp_path: Path) -> None:
+def test_the_sheet_marks_detected_people(results: Any, tmp_path: Path) -> None:
     import numpy as np
     from PIL import Image
 

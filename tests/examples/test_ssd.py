@@ -1,4 +1,4 @@
-"""Anchors, boxes and scores of SSD, by a network with known outputs. `make test-torch`."""
+"""Anchors, boxes and scores of SSD, from a network with known outputs. `make test-torch`."""
 
 from __future__ import annotations
 
@@ -44,11 +44,13 @@ def test_anchors_are_those_of_the_six_layers() -> None:
     torch.testing.assert_close(wide[3] / wide[2], torch.tensor(2.0))
 
 
-def test_a_box_is_scaled_and_shifted_about_its_anchor() -> None:
+def test_a_box_is_scaled_and_shifted_relative_to_its_anchor() -> None:
     from examples.attacks.ssd import decode
 
     around = torch.tensor([[0.5, 0.4, 0.2, 0.1]])
-    encoded = torch.tensor([[[1.0, -2.0, 5 * 0.6931472, 0.0]]])  # down by 0.1 of the height, left, twice as high
+    encoded = torch.tensor(
+        [[[1.0, -2.0, 5 * 0.6931472, 0.0]]]
+    )  # shifted down by 0.1 of the height and left; twice as high
     torch.testing.assert_close(decode(encoded, around)[0, 0], torch.tensor([99.0, 96.0, 129.0, 216.0]))
 
 
@@ -60,8 +62,8 @@ def test_overlap_of_boxes() -> None:
     torch.testing.assert_close(intersection_over_union(box, others), torch.tensor([1, 1 / 3, 0, 0]))
 
 
-def test_detections_are_the_best_of_those_that_overlap() -> None:
-    """Anchors 1683 and 1688 of the layer of 5 x 5 lie about one point; 1893 far away."""
+def test_detections_are_the_best_of_overlapping_boxes() -> None:
+    """Anchors 1683 and 1688 of the layer of 5 x 5 have one centre; 1893 is far away."""
     model = detector({(1683, 4): 2.0, (1688, 4): 1.0, (1893, 4): 0.5, (1683, 23): 0.0}).eval()
     (found,) = model([torch.full((3, 300, 300), 0.5)])
     assert found["labels"].tolist() == [4, 4, 23]
@@ -70,7 +72,7 @@ def test_detections_are_the_best_of_those_that_overlap() -> None:
     torch.testing.assert_close(found["boxes"], boxes[0, [1683, 1893, 1683]])
 
 
-def test_the_loss_is_of_the_best_box_on_the_target() -> None:
+def test_the_loss_is_that_of_the_best_box_on_the_target() -> None:
     """A high score elsewhere does not count; the gradient reaches the picture."""
     model = detector({(1683, 4): 2.0, (1893, 4): 8.0}).train()
     boxes, _ = model.raw(torch.zeros(1, 3, 300, 300))

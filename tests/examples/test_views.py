@@ -1,4 +1,4 @@
-"""The digital and the false gradient's view, against the renderer's. `make test-torch`."""
+"""The digital view and the view with a false gradient, compared with the renderer's. `make test-torch`."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def digital(recipe: Path) -> Any:
     return DigitalView({"insertion=rendered": recipe_runtime.open(recipe, "insertion=rendered")}, "poster", PLACES)
 
 
-def test_a_warped_texture_is_the_digital_mode_of_recipes(recipe: Path, digital: Any, texture: Any) -> None:
-    """Within a level, on the pixels that show the patch: the texture is magnified there, so it is not reduced first."""
+def test_a_warped_texture_equals_the_digital_mode_of_recipes(recipe: Path, digital: Any, texture: Any) -> None:
+    """They agree within one level on the patch; the texture is magnified there, so it is not reduced first."""
     import recipe_runtime
 
     from examples.attacks.views import patch_record
@@ -97,7 +97,7 @@ def test_a_false_gradient_has_rendered_pictures_and_the_gradient_of_the_warp(
     assert not torch.allclose(gradients[0], gradients[2], rtol=0.05)
 
 
-def test_batches_are_the_frames_of_a_scene_view(digital: Any, texture: Any) -> None:
+def test_batches_equal_those_of_a_scene_view(digital: Any, texture: Any) -> None:
     every = digital.pictures(texture)
     assert torch.equal(digital.pictures(texture, batch=1, step=1)[0], every[1])
     assert torch.equal(digital.pictures(texture, batch=2, step=3), every)

@@ -1,9 +1,9 @@
-"""`python -m tests.fuzz TARGET [libFuzzer's options]`: feed one target with atheris, guided by what code it reaches.
+"""`python -m tests.fuzz TARGET [libFuzzer's options]`: fuzz one target with atheris, guided by coverage.
 
-A case may take 60 s and 1 GiB; `tests/runtime/dataset/test_hostile_documents.py` tests the largest documents so.
+A case may take 60 s and 1 GiB; `tests/runtime/dataset/test_hostile_documents.py` tests the largest documents.
 
-A finding is written to the current folder as `crash-...`; put it into tests/fuzz/findings/ as `TARGET-WHAT`, mend it,
-and the quick tests hold it from then on. Without a target, their names.
+A finding is written to the current folder as `crash-...`. Fix the bug and move the file to tests/fuzz/findings/ as
+`TARGET-WHAT`; the quick tests then include it. Without a target, this prints the names of targets.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def _escaped(word: bytes) -> str:
-    """A word as libFuzzer's dictionaries write it."""
+    """Return a word in the syntax of libFuzzer's dictionaries."""
     return "".join(chr(b) if 32 <= b < 127 and chr(b) not in '"\\' else f"\\x{b:02x}" for b in word)
 
 

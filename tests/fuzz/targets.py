@@ -1,6 +1,6 @@
 """Every loader of untrusted bytes, as a function of bytes, with seed files.
 
-A target returns, or raises the project's own error for such a file; anything else that comes out is a finding.
+A target returns or raises the project's own error; any other exception is a finding.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ CASES = ROOT / "tests" / "cases" / "good"
 
 @dataclass(frozen=True)
 class Target:
-    """What is fed, and what to feed it first. A `json` one is told JSON's words, and the keys of its seeds."""
+    """A function to fuzz and its seeds; for `json`, the dictionary has JSON's tokens and the keys of the seeds."""
 
     feed: Callable[[bytes], None]
     seeds: Callable[[], Iterator[bytes]]
     json: bool = False
 
     def words(self) -> list[bytes]:
-        """Pieces for the fuzzer to put together; none but for JSON."""
+        """Return the entries of the fuzzer's dictionary, which is empty except for JSON."""
         if not self.json:
             return []
         keys = {key for seed in self.seeds() for key in _keys(seed)}
@@ -75,7 +75,7 @@ _JSON = [
 
 
 def _keys(seed: bytes) -> Iterator[str]:
-    """Every key of the JSON in a seed, which may have other bytes before and after it."""
+    """Return every key of the JSON in a seed, which may have other bytes before and after it."""
     start, waiting = seed.find(b"{"), list[Any]()
     with suppress(ValueError):
         waiting = [json.JSONDecoder().raw_decode(seed[start:].decode("latin-1"))[0]]
@@ -88,7 +88,7 @@ def _keys(seed: bytes) -> Iterator[str]:
 
 @cache
 def _folder() -> Path:
-    """A folder for one process's files, in memory where there is such a disk."""
+    """Return a folder for the files of this process, in memory if possible."""
     shared = Path("/dev/shm")
     held = tempfile.TemporaryDirectory(prefix="recipe-fuzz-", dir=shared if shared.is_dir() else None)
     _HELD.append(held)
@@ -146,7 +146,7 @@ def _dataset() -> Path:
 
 
 def _manifest(content: bytes) -> None:
-    """A manifest beside honest files; of what is accepted, all that is compared without rendering."""
+    """Read a manifest beside valid files; if it is accepted, run every comparison that needs no rendering."""
     (_dataset() / layout.MANIFEST).write_bytes(content)
     with suppress(InputError):
         _compared(reader.read(_dataset()))
@@ -167,14 +167,14 @@ def _locked() -> lockfile.Lockfile:
 
 @cache
 def _planned() -> Path:
-    """A dataset of which the first variant's plan is fed."""
+    """Return a dataset whose first variant's plan is replaced by the input."""
     made = build(dataset_plan(2, 1), _folder() / "planned", workers=0, cache=_folder() / "cache", engines=ENGINES)
     reader.read(made.path)
     return made.path
 
 
 def _dataset_plan(content: bytes) -> None:
-    """A plan among a dataset's files, whose manifest is honest."""
+    """Read a plan in a dataset with a valid manifest."""
     _locked()
     name = dataset_plan(2, 1).variants[0].variant
     (_planned() / layout.plan_file(name)).write_bytes(content)
@@ -183,7 +183,7 @@ def _dataset_plan(content: bytes) -> None:
 
 
 def _town_plan(content: bytes) -> None:
-    """A plan whose town has every kind of element; of what is accepted, the meshes are made."""
+    """Read a plan whose town has every kind of element; if it is accepted, build the meshes."""
     try:
         plan = reader.plan_alone(_file("fed-town.json", content))
     except InputError:
@@ -196,7 +196,7 @@ def _town_plan(content: bytes) -> None:
 
 
 def _verified(content: bytes) -> None:
-    """A lockfile that is compared with a plan, its motion and an honest lockfile."""
+    """Compare a lockfile with a plan, its motion and a valid lockfile."""
     with suppress(InputError):
         lock = lockfile.read(_file("fed.lock", content))
         plan = dataset_plan(2, 1)
@@ -210,13 +210,13 @@ def _verified(content: bytes) -> None:
 
 @cache
 def _labelled() -> reader.Dataset:
-    """A dataset of which the first variant's first sensor is fed."""
+    """Return a dataset whose labels of the first variant and sensor are replaced by the input."""
     made = build(dataset_plan(1, 1), _folder() / "labelled", workers=0, cache=_folder() / "cache", engines=ENGINES)
     return reader.read(made.path)
 
 
 def _labels(content: bytes) -> None:
-    """Records that their digest vouches for, as anyone can make it who writes a manifest."""
+    """Read label records with a matching digest in the manifest, which a forger can compute."""
     held = _labelled()
     variant, path = held.plan.variants[0], _labels_file()
     try:
@@ -255,7 +255,7 @@ def _image(content: bytes) -> None:
 
 
 def _checked(content: bytes) -> bytes:
-    """The same chunks with checksums that hold, so that a decoder reads what is in them."""
+    """Return the chunks of a PNG with valid checksums, so that a decoder reads their content."""
     pieces, at = [content[:8]], 8
     while at + 12 <= len(content):
         (length,) = struct.unpack(">I", content[at : at + 4])
@@ -266,7 +266,7 @@ def _checked(content: bytes) -> bytes:
 
 
 def _rows(content: bytes) -> None:
-    """A PNG from its header's 13 bytes, a palette and its clear entries, and rows, which are packed here."""
+    """Return a PNG from the 13 bytes of its header, a palette, transparency, and rows, which are compressed here."""
     head, sizes, rest = content[:13], content[13:15], content[15:]
     if len(sizes) == 2:
         palette, clear = rest[: sizes[0]], rest[sizes[0] : sizes[0] + sizes[1]]
@@ -285,7 +285,7 @@ def _found(*patterns: str) -> Callable[[], Iterator[bytes]]:
 
 
 def _pictures() -> Iterator[bytes]:
-    """A small PNG of every form that Pillow writes, and those of the tests."""
+    """Return a small PNG of every kind that Pillow writes, and those of the tests."""
     from PIL import Image
 
     yield from _found("tests/cases/*/*/**/*.png")()
@@ -297,7 +297,7 @@ def _pictures() -> Iterator[bytes]:
 
 
 def _picture_rows() -> Iterator[bytes]:
-    """A header, a palette and rows of every depth, kind of colour and order that a PNG may have."""
+    """Return a header, a palette and rows of every bit depth, colour type and interlacing of PNG."""
     for colour, depths in {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}.items():
         for depth in depths:
             for interlaced in (0, 1):

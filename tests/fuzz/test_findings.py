@@ -1,4 +1,4 @@
-"""What fuzzing found stays mended, and every target takes its seeds."""
+"""Findings of fuzzing stay fixed, and every target accepts its seeds."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ FINDINGS = sorted((Path(__file__).parent / "findings").iterdir())
 
 
 @pytest.mark.parametrize("path", FINDINGS, ids=lambda path: path.name)
-def test_what_was_found_is_refused(path: Path) -> None:
+def test_findings_are_refused(path: Path) -> None:
     TARGETS[path.name.partition("-")[0]].feed(path.read_bytes())
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_seeds_are_taken_whole_and_cut(name: str) -> None:
+def test_seeds_and_truncated_seeds_are_no_findings(name: str) -> None:
     seeds = list(TARGETS[name].seeds())
     assert seeds
     for seed in seeds:

@@ -1,4 +1,4 @@
-"""Renew every golden digest, after bytes changed on purpose: `make golden`. Say in the commit what moved them."""
+"""Renew all golden digests after an intended change of bytes: `make golden`. State the cause in the commit."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _lock(recipe: Path, path: Path, source: str) -> None:
 
 
 def main() -> None:
-    """Renew the pictures' digests, the tests' lockfile, and what `recipe doctor` compares with."""
+    """Renew the digests of pictures, the lockfile of the tests, and the digests of `recipe doctor`."""
     renew_render.main()
     _lock(TINY, TINY.with_name("lockfiles") / "tiny.lock", "../tiny.yaml")
     _lock(self_test.RECIPE, self_test.LOCK, self_test.RECIPE.name)

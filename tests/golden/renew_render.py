@@ -1,7 +1,7 @@
-"""Write tests/golden/render.json anew: `python -m tests.golden.renew_render`.
+"""Renew tests/golden/render.json: `python -m tests.golden.renew_render`.
 
-Do it only for a change that is meant to move pixels, look at the pictures that it leaves beside the digests when
-given a folder (`python -m tests.golden.renew_render pictures/`), and say in the commit what moved them.
+Do so only after an intended change of pixels. With a folder (`python -m tests.golden.renew_render pictures/`) it also
+saves the pictures: look at them, and state the cause of the change in the commit.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Disks of a test's own: a shell in a mount namespace, where anybody may mount and nothing outlives the shell."""
+"""Private disks for a test: a shell in a mount namespace, in which a user may mount and which ends with the shell."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TRY = "mkdir -p $1/try && mount -t tmpfs -o size=4k tmpfs $1/try && umount $1/t
 
 
 def need_mounts(folder: Path) -> None:
-    """Skip the test where this host lets nobody mount."""
+    """Skip the test if this host allows no mounts by users."""
     if shutil.which("unshare") is None:
         pytest.skip("needs unshare, of util-linux")
     tried = subprocess.run(
@@ -28,7 +28,7 @@ def need_mounts(folder: Path) -> None:
 
 
 def shell(folder: Path, script: str, **environment: str) -> dict[str, Ended]:
-    """Run a script in a mount namespace, in `folder`. In it, `build NAME OPTIONS...` builds the tiny recipe.
+    """Run a script in `folder` in a mount namespace, in which `build NAME OPTIONS...` builds the tiny recipe.
 
     `name` -> how that build ended. A build that ends in an error does not end the script.
     """

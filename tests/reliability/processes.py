@@ -1,4 +1,4 @@
-"""Builds as real processes: started in a session of their own, ended in every way, and searched for what they leave."""
+"""Builds as processes in a session of their own, which tests end in various ways and check for leftovers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TINY = ROOT / "tests" / "golden" / "tiny.yaml"
 
 @dataclass(frozen=True)
 class Ended:
-    """How a build ended."""
+    """The result of a build."""
 
     code: int
     out: str
@@ -28,7 +28,7 @@ class Ended:
 
 
 class Build:
-    """`recipe build` of a recipe into `folder/out`, the cache in `folder/cache` unless the environment says so."""
+    """A `recipe build` into `folder/out` with the cache in `folder/cache`, unless the environment sets another."""
 
     def __init__(self, folder: Path, *options: str, out: str = "out", recipe: Path = TINY, **environment: str) -> None:
         self._texts = [folder / f"{out}.stdout", folder / f"{out}.stderr"]
@@ -44,7 +44,7 @@ class Build:
             )
 
     def end(self, timeout: float = 300.0) -> Ended:
-        """Wait for it, and take away its two text files."""
+        """Wait for the end, and remove the two files of its output."""
         code = self.process.wait(timeout)
         out, errors = (path.read_text() for path in self._texts)
         for path in self._texts:
@@ -52,12 +52,12 @@ class Build:
         return Ended(code, out, one_line_each(errors, warnings=False))
 
     def send(self, number: int, *, group: bool = False) -> None:
-        """A signal to the build's process, or to all of its group as from a terminal; it may have ended."""
+        """Send a signal to the build's process or, as from a terminal, to its group; it may have ended."""
         with contextlib.suppress(ProcessLookupError):
             (os.killpg if group else os.kill)(self.process.pid, number)
 
     def kill_a_child(self) -> bool:
-        """Kill a worker, else the simulation, as soon as there is one; False if the build ends without."""
+        """Kill a worker or the simulation as soon as there is one; return False if the build ends first."""
         while self.process.poll() is None:
             children = [p for p in session(self.process.pid) if p != self.process.pid]
             workers = [p for p in children if "recipe_runtime.build.local" in _command(p)] or children
@@ -70,7 +70,7 @@ class Build:
 
 
 def session(leader: int) -> list[int]:
-    """The living processes of a session."""
+    """Return the running processes of a session."""
     found = []
     for entry in Path("/proc").iterdir():
         with contextlib.suppress(OSError, ValueError):
@@ -81,7 +81,7 @@ def session(leader: int) -> list[int]:
 
 
 def gone(leader: int, within: float = 5.0) -> bool:
-    """Whether every process of a session ends within so many seconds."""
+    """Return whether every process of a session ends within `within` seconds."""
     deadline = time.monotonic() + within
     while session(leader):
         if time.monotonic() > deadline:
@@ -91,12 +91,12 @@ def gone(leader: int, within: float = 5.0) -> bool:
 
 
 def scraps(root: Path) -> list[str]:
-    """Files that were being written when their process ended."""
+    """Return the temporary files that interrupted writes left."""
     return sorted(str(p.relative_to(root)) for p in root.rglob("*.tmp"))
 
 
 def named_files(root: Path) -> Iterator[tuple[str, bytes]]:
-    """Every file below a folder that stands under its own name, with its bytes."""
+    """Return the content of every file below a folder except temporary ones."""
     for path in sorted(root.rglob("*")):
         if path.is_file() and not path.name.endswith(".tmp"):
             yield path.relative_to(root).as_posix(), path.read_bytes()

@@ -1,6 +1,6 @@
-"""A disk that is full, read-only or another one: a line says so, nothing is half-written, the next build ends well.
+"""With full, read-only or several disks, the error is one line, no partial file is left, and the next build succeeds.
 
-Real disks, in a mount namespace of each test's own; skipped, with the reason, where a host allows none.
+Disks are mounted in a private namespace; tests are skipped, with the reason, where a host does not allow it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.reliability
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """The dataset that all others are compared with."""
+    """Return the dataset that all others are compared with."""
     folder = tmp_path_factory.mktemp("whole")
     need_mounts(folder)
     ended = Build(folder).end()
@@ -53,7 +53,7 @@ def test_a_full_disk(whole: dict[str, bytes], tmp_path: Path, size: str) -> None
 
 
 def test_a_full_cache(whole: dict[str, bytes], tmp_path: Path) -> None:
-    """Motion that cannot be kept stops a build; that it cannot be noted whose the dataset is does not."""
+    """A build fails if motion cannot be stored, but not if the record of its recipe cannot be written."""
     ends = shell(
         tmp_path,
         """
@@ -94,13 +94,13 @@ def test_read_only_folders(whole: dict[str, bytes], tmp_path: Path) -> None:
     assert "sealed/.out.partial cannot be written: Read-only file system; free some space or allow writing" in line
     (line,) = ends["cache"].errors.splitlines()
     assert "sealed cannot be written: Read-only file system; free some space, or set RECIPE_CACHE" in line
-    assert (ends["second"].code, ends["second"].errors) == (0, "")  # a cache that has all may be read-only
-    assert (ends["there"].code, ends["there"].errors) == (0, "")  # nor need a dataset that is there be written
+    assert (ends["second"].code, ends["second"].errors) == (0, "")  # a complete cache may be read-only
+    assert (ends["there"].code, ends["there"].errors) == (0, "")  # and so may an existing dataset
     assert tree(tmp_path / "out") == whole
 
 
 def test_other_disks(whole: dict[str, bytes], tmp_path: Path) -> None:
-    """Output on another disk than the cache, through a link too; but not where a disk is mounted itself."""
+    """The output may be on another disk than the cache, also through a link, but must not be a mount point."""
     ends = shell(
         tmp_path,
         """
@@ -117,8 +117,8 @@ def test_other_disks(whole: dict[str, bytes], tmp_path: Path) -> None:
     assert line.endswith(f"disk is a mount point; choose a folder (--output) in it, such as {tmp_path}/disk/dataset")
 
 
-def test_kernels_that_cannot_be_kept(whole: dict[str, bytes], tmp_path: Path) -> None:
-    """A read-only home: kernels are compiled once, aside. A full one: a line says so, and no broken kernel stays."""
+def test_kernels_that_cannot_be_stored(whole: dict[str, bytes], tmp_path: Path) -> None:
+    """With a read-only home, kernels are compiled elsewhere; with a full one, the error is one line."""
     ends = shell(
         tmp_path,
         """
@@ -136,7 +136,7 @@ def test_kernels_that_cannot_be_kept(whole: dict[str, bytes], tmp_path: Path) ->
     assert ends["aside"].code == 0, ends["aside"].errors
     ours = [name for name in (tmp_path / "aside").read_text().splitlines() if name.startswith("dataset-recipe")]
     assert ours == ["dataset-recipe-0"]
-    assert ends["full"].code == 1  # the compiler itself ends its process, after a line of its own
+    assert ends["full"].code == 1  # the compiler ends the process itself, after a message
     assert "No space left on device" in ends["full"].errors and "Traceback" not in ends["full"].errors
     assert ends["full"].errors.endswith("build again: what is done is kept\n")
     assert ends["again"].code == 0, ends["again"].errors

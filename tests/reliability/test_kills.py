@@ -1,7 +1,7 @@
-"""A build that is ended anywhere, in any way, leaves nothing half-written, and the next one makes the same dataset.
+"""A build that is ended at any time leaves no partial file, and the next build gives the same dataset.
 
-Twenty points, spread at random over the time that a whole build takes. `RECIPE_SEED=N` repeats a run: the seed is in
-each test's name, with the way and the point. Two points are in the quick tests.
+There are twenty random points in the duration of a complete build. `RECIPE_SEED=N` repeats a run: each test's name has
+the seed, the way and the point. Two points are among the quick tests.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CODES = {"group": -signal.SIGKILL, "build": -signal.SIGKILL, "worker": 1, "inter
 
 
 def points() -> list[object]:
-    """Twenty ways with a point each: one in every twentieth of a build, in random order."""
+    """Return twenty ways to end a build, each with a point in another twentieth of its duration, in random order."""
     draw = random.Random(SEED)
     places = [(k + draw.random()) / len(WAYS) for k in range(len(WAYS))]
     draw.shuffle(places)
@@ -38,7 +38,7 @@ def points() -> list[object]:
 
 @dataclass(frozen=True)
 class Whole:
-    """What a build that nobody stopped makes, and how long it takes."""
+    """The result and the duration of an uninterrupted build."""
 
     files: dict[str, bytes]
     identity: str
@@ -54,22 +54,22 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
         seconds = time.monotonic() - start
         assert ended.code == 0, ended.errors
         if "compiling kernels" not in ended.errors:
-            break  # no other build will compile any, so that all take as long
+            break  # kernels are compiled now, so later builds have this duration
     files = tree(folder / name)
     return Whole(files, json.loads(files["manifest.json"])["identity"], seconds)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("way", "at"), points())
-def test_a_build_that_is_ended_is_taken_up(whole: Whole, tmp_path: Path, way: str, at: float) -> None:
-    # An interrupt while Python itself still starts is Python's to answer: ours begin once the command does.
+def test_an_ended_build_is_resumed(whole: Whole, tmp_path: Path, way: str, at: float) -> None:
+    # Before the command starts, Python itself handles an interrupt, so the point is after that.
     delay = whole.seconds * at if way not in ("interrupt", "terminate") else 0.5 + (whole.seconds - 0.5) * at
     build = Build(tmp_path)
     time.sleep(delay)
     stop(build, way)
     ended = build.end(30)
-    assert gone(build.process.pid), "a process outlived the build"
-    if ended.code != 0:  # it may have been quicker
+    assert gone(build.process.pid), "a process is still running after the build"
+    if ended.code != 0:  # the build may have completed before the signal
         assert ended.code == CODES[way], ended.errors
     check_message(way, ended.code, ended.errors)
     check_names(whole, tmp_path)
@@ -79,7 +79,7 @@ def test_a_build_that_is_ended_is_taken_up(whole: Whole, tmp_path: Path, way: st
 
 
 @pytest.mark.reliability
-def test_a_build_that_is_ended_again_and_again_comes_to_its_end(whole: Whole, tmp_path: Path) -> None:
+def test_a_build_that_is_ended_repeatedly_completes(whole: Whole, tmp_path: Path) -> None:
     draw = random.Random(SEED)
     for _ in range(8):
         build = Build(tmp_path)
@@ -104,11 +104,11 @@ def stop(build: Build, way: str) -> None:
 
 
 def check_message(way: str, code: int, errors: str) -> None:
-    """One clear line where a process can still speak; never a traceback. The recipe itself has a warning."""
+    """Assert that a process that can still print gives one line and no traceback (the recipe itself has a warning)."""
     if code < 0 or code in (0, 143):
         assert errors == ""
         return
-    (line,) = errors.strip().splitlines()  # a terminal shows ^C in the line before
+    (line,) = errors.strip().splitlines()  # a terminal shows ^C on the line before
     if way == "interrupt":
         assert line.startswith("interrupted")
     else:
@@ -118,7 +118,7 @@ def check_message(way: str, code: int, errors: str) -> None:
 
 
 def check_names(whole: Whole, folder: Path) -> None:
-    """Whatever has a name is whole: the dataset or nothing, and of the files so far each."""
+    """Assert that there is either a complete dataset or none, and that each finished file is complete."""
     if (folder / "out").exists():
         assert tree(folder / "out") == whole.files
     for path, body in named_files(folder / ".out.partial" / "dataset"):
@@ -128,7 +128,7 @@ def check_names(whole: Whole, folder: Path) -> None:
 
 
 def check_whole(whole: Whole, folder: Path) -> None:
-    """The dataset is the same, and nothing lies beside it but the record of its recipe."""
+    """Assert that the dataset is equal, and that only the record of its recipe is beside it."""
     assert tree(folder / "out") == whole.files
     assert json.loads((folder / "out" / "manifest.json").read_text())["identity"] == whole.identity
     assert sorted(p.name for p in folder.iterdir()) == [".out.source.json", "cache", "out"]

@@ -62,7 +62,7 @@ def test_allocations_that_fail(whole: dict[str, bytes], tmp_path: Path, mebibyte
 
 @pytest.fixture
 def cage(tmp_path: Path) -> Iterator[Path]:
-    """A control group with 300 MiB; skipped where this user may make none."""
+    """Return a control group with 300 MiB; skip the test where the user may not create one."""
     root = Path("/sys/fs/cgroup")
     first = not (root / "cgroup.controllers").exists()
     folder = (root / "memory" if first else root) / f"recipe-test-{os.getpid()}"

@@ -1,4 +1,4 @@
-"""Two builds at once: of one dataset, and of two that share a cache."""
+"""Two concurrent builds: of one dataset, and of two datasets with one cache."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.reliability
 
 @pytest.mark.parametrize("delay", [0.0, 0.0, 0.5, 1.5])
 def test_of_one_dataset(tmp_path: Path, delay: float) -> None:
-    """One makes it; another says that it is being made, or finds it whole."""
+    """One builds it; the other reports that a build is running, or finds the complete dataset."""
     (tmp_path / "texts").mkdir()
     builds = []
     for number in range(3):

@@ -1,1 +1,1 @@
-"""Minutes of traffic in every town, measured from plan and Trace alone. `python -m tests.soak` prints the table."""
+"""Minutes of traffic in every town, measured from plan and Trace only. `python -m tests.soak` prints the table."""

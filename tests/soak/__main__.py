@@ -1,4 +1,4 @@
-"""Print the figures of the soak as a Markdown table, and what breaks a promise below it.
+"""Print the measurements as a Markdown table, followed by violations.
 
 python -m tests.soak [TOWN [COUNT [SEED]]]
 """
@@ -17,7 +17,7 @@ def _one(task: tuple[str, int, int]) -> Measures:
 
 
 def main() -> int:
-    """Run the soak in two processes; return 1 if a promise is broken."""
+    """Run all scenes in two processes; return 1 if there are violations."""
     towns = sys.argv[1:2] or list(runs.TOWNS)
     counts = [int(n) for n in sys.argv[2:3]] or list(runs.COUNTS)
     seeds = [int(n) for n in sys.argv[3:4]] or list(runs.SEEDS)

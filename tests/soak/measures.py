@@ -1,4 +1,4 @@
-"""What a Trace shows of its traffic, by code that shares nothing with the simulation but the plan.
+"""Measurements of the traffic in a Trace, by code that shares only the plan with the simulation.
 
 All lengths are in metres, speeds in m/s, times in seconds since frame 0.
 """
@@ -23,7 +23,7 @@ _GONE = -100.0  # metres; a body below this height is out of the scene
 
 @dataclass
 class Measures:
-    """The figures of one run, and what breaks a promise."""
+    """The measurements of one run, and their violations."""
 
     vehicles: int
     pedestrians: int
@@ -39,7 +39,7 @@ class Measures:
     standing: list[str] = field(default_factory=list)
 
     def faults(self) -> list[str]:
-        """Return every broken promise, in words."""
+        """Return a message for each violation."""
         found = [*self.overlaps, *self.accelerations, *self.heights, *self.red_entries, *self.standing]
         if self.last_speed <= self.first_speed / 2:
             found.append(f"the mean speed fell from {self.first_speed:.2f} to {self.last_speed:.2f} m/s")
@@ -113,7 +113,7 @@ class _Run:
         return longest / self.fps
 
     def overlaps(self) -> Iterator[str]:
-        """Pairs that are more than five centimetres inside each other, each once, where no contact was recorded."""
+        """Return pairs that overlap by more than 5 cm without a recorded contact, each once."""
         known: set[tuple[int, int]] = set()
         reach = np.linalg.norm(self.half, axis=1)
         for frame in range(0, len(self.at), max(1, self.fps // 10)):
@@ -132,7 +132,7 @@ class _Run:
         return any(start <= seconds <= end for start, end in self.pairs.get(frozenset((a, b)), ()))
 
     def _depth(self, frame: int, a: int, b: int) -> float:
-        """Depth of penetration by the separating axis theorem, and for discs by the distance to the rectangle."""
+        """Return the penetration depth, by the separating axis theorem or a disc's distance from the rectangle."""
         (ax, ay), (bx, by) = self.at[frame, a, :2], self.at[frame, b, :2]
         people = [self.scene.actors[n].category == "pedestrian" for n in (a, b)]
         if all(people):
@@ -156,7 +156,7 @@ class _Run:
         return float(abs(hx * ux + hy * uy) * self.half[n, 0] + abs(hx * uy - hy * ux) * self.half[n, 1])
 
     def accelerations(self, group: Sequence[int]) -> Iterator[str]:
-        """Actors whose velocity changes by more than 10 m/s2 where no contact was recorded, each once."""
+        """Return actors that accelerate by more than 10 m/s2 without a recorded contact, each once."""
         change = np.linalg.norm(np.diff(self.velocity, axis=0), axis=-1) * self.fps
         stays = self.here[1:] & self.here[:-1] & (np.linalg.norm(np.diff(self.at, axis=0), axis=-1) < 10.0)
         hard = (change > 10.0) & stays & ~self.touched[1:] & ~self.touched[:-1]
@@ -167,7 +167,7 @@ class _Run:
                 yield f"{self.name(n)} accelerates by {change[worst, n]:.1f} m/s2 at {worst / self.fps:.1f} s"
 
     def heights(self, group: Sequence[int]) -> Iterator[str]:
-        """Vehicles more than 20 cm above or below their ground where no contact was recorded, each once."""
+        """Return vehicles more than 20 cm above or below the ground without a recorded contact, each once."""
         for n in group:
             off = (np.abs(self.at[:, n, 2]) > 0.2 + 0.15) & self.here[:, n] & ~self.touched[:, n]
             if off.any():
@@ -175,9 +175,9 @@ class _Run:
                 yield f"{self.name(n)} is at height {self.at[frame, n, 2]:.2f} m at {frame / self.fps:.1f} s"
 
     def red_entries(self, group: Sequence[int]) -> Iterator[str]:
-        """Vehicles whose front crosses the stop line of a red light."""
+        """Return vehicles whose front crosses the stop line at a red light."""
         for lamp, junction in _approaches(self.scene.town.elements):
-            yaw = np.radians(lamp.pose.yaw + 180.0)  # of those who come
+            yaw = np.radians(lamp.pose.yaw + 180.0)  # for approaching vehicles
             ux, uy = np.cos(yaw), np.sin(yaw)
             half = (junction.size[0] if abs(ux) > 0.5 else junction.size[1]) / 2
             for n in group:
@@ -198,7 +198,7 @@ def _half(category: str, shape: dict[str, float]) -> tuple[float, float]:
 
 
 def _approaches(elements: Sequence[Element]) -> Iterator[tuple[Element, Element]]:
-    """Each traffic light with its junction, by their names: traffic_light.I.J.YAW and junction.I.J."""
+    """Return each traffic light with its junction, by their names: traffic_light.I.J.YAW and junction.I.J."""
     junctions = {e.name.partition(".")[2]: e for e in elements if e.kind == "junction"}
     for element in elements:
         if element.kind == "traffic_light":

@@ -1,4 +1,4 @@
-"""The runs of the soak: four towns, two densities, three seeds, 150 seconds each."""
+"""The runs: four towns, two densities, three seeds, 150 s each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Traffic that holds up for minutes: nobody blocked, nobody inside another, nobody on red."""
+"""Minutes of traffic without a deadlock, an overlap or an entry on red."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ pytestmark = pytest.mark.soak
 @pytest.mark.parametrize("seed", runs.SEEDS)
 @pytest.mark.parametrize("count", runs.COUNTS)
 @pytest.mark.parametrize("town", runs.TOWNS)
-def test_traffic_holds_up(town: str, count: int, seed: int) -> None:
+def test_traffic_flows_without_violations(town: str, count: int, seed: int) -> None:
     assert not runs.run(town, count, seed).faults()
