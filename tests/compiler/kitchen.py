@@ -1,4 +1,4 @@
-"""Recipes for tests: a small one as plain data, and a way to compile such data as a file would be."""
+"""Recipes for tests: a small one as plain data, and a function that compiles such data."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ SMALL: dict[str, Any] = {
 
 
 def small(**base: Any) -> dict[str, Any]:
-    """A copy of the small recipe, with sections of its base replaced."""
+    """Return a copy of the small recipe, with sections of its base replaced."""
     recipe = copy.deepcopy(SMALL)
     recipe["base"] |= base
     return recipe
 
 
 def compiled(recipe: dict[str, Any]) -> Compiled:
-    """A recipe given as plain data, compiled from a file; JSON is YAML."""
+    """Compile a recipe given as plain data from a file; JSON is a subset of YAML."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "recipe.yaml"
         path.write_text(json.dumps(recipe, indent=1))
@@ -51,6 +51,6 @@ def compiled(recipe: dict[str, Any]) -> Compiled:
 
 
 def only(recipe: dict[str, Any]) -> ScenarioPlan:
-    """The one variant of a recipe without axes."""
+    """Return the only variant of a recipe without axes."""
     (variant,) = compiled(recipe).plan.variants
     return variant

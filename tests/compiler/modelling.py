@@ -1,4 +1,4 @@
-"""Small meshes and images for tests, made byte by byte, so that each can be broken where a test wants it."""
+"""Small meshes and images for tests, built byte by byte, so that tests can break them at any place."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def chunk(kind: bytes, body: bytes) -> bytes:
 
 
 def png(pixels: NDArray[np.uint8], *, extra: bytes = b"") -> bytes:
-    """A PNG of [H, W], [H, W, 2], [H, W, 3] or [H, W, 4], unfiltered; `extra` chunks stand before the pixels."""
+    """Return an unfiltered PNG of [H, W], [H, W, 2], [H, W, 3] or [H, W, 4]; `extra` chunks precede the pixels."""
     channels = 1 if pixels.ndim == 2 else pixels.shape[2]
     header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, {1: 0, 2: 4, 3: 2, 4: 6}[channels], 0, 0, 0)
     rows = b"".join(b"\0" + row.tobytes() for row in np.ascontiguousarray(pixels))
@@ -28,7 +28,7 @@ def png(pixels: NDArray[np.uint8], *, extra: bytes = b"") -> bytes:
 
 
 def picture(width: int = 4, height: int = 3) -> NDArray[np.uint8]:
-    """Every texel another colour."""
+    """Return an image in which every texel has another colour."""
     y, x = np.mgrid[0:height, 0:width]
     return np.stack([x * 60, y * 80, (x + y) * 30 % 256], axis=-1).astype(np.uint8)
 
@@ -52,7 +52,7 @@ def obj(vertices: Any = TETRAHEDRON, faces: Any = FACES) -> bytes:
 
 
 def document(**changes: Any) -> tuple[dict[str, Any], bytes]:
-    """A glTF document of the tetrahedron, and the bytes beside it; `changes` replace its sections."""
+    """Return a glTF document of the tetrahedron and its binary data; `changes` replace sections."""
     uvs = np.array([[0, 0], [1, 0], [0, 1], [1, 1]], "<f4")
     columns = [TETRAHEDRON.astype("<f4"), FACES.astype("<u2").reshape(-1), uvs]
     image = png(picture())

@@ -1,4 +1,4 @@
-"""Recipes as folders: those under cases/failing are refused with the exact text beside them, those under good pass."""
+"""Recipes in folders: those in cases/failing are refused with the exact text of error.txt, those in cases/good pass."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def test_broken_recipe_is_refused_with_its_exact_text(folder: Path) -> None:
         compile_recipe(folder / "recipe.yaml")
     text = str(caught.value).replace(f"{folder}/", "") + "\n"
     assert text == (folder / "error.txt").read_text(encoding="utf-8")
-    assert text.replace("\n", "").isprintable()  # nothing that a terminal would obey
-    assert time.process_time() - started < 5.0  # however hostile
+    assert text.replace("\n", "").isprintable()  # no control characters
+    assert time.process_time() - started < 5.0  # also for hostile input
 
 
 @pytest.mark.slow
@@ -48,21 +48,23 @@ def test_good_recipe_compiles(path: Path) -> None:
         assert len(set(numbers)) == len(numbers)
         for sensor in variant.rig.sensors:
             assert len(sensor.poses) in {1, variant.scene.clock.frames}
-    check_bounds(compiled.plan)  # so that its dataset can be read again
+    check_bounds(compiled.plan)  # (needed to read its dataset)
 
 
-def test_the_deltas_case_merges_as_it_says() -> None:
+def test_the_deltas_of_the_good_case_are_merged() -> None:
     plan = compile_recipe(CASES / "good/deltas/recipe.yaml").plan
     weather = {v.variant.split(",")[1]: v.appearance.weather for v in plan.variants if v.variant.endswith("view=wide")}
     assert weather["weather=as_it_is"].fog_density == 20
     assert weather["weather=more_fog"].fog_density == 80
-    assert weather["weather=cleared"].fog_density == 2  # ClearNoon's own: a shorthand replaces the whole
+    assert (
+        weather["weather=cleared"].fog_density == 2
+    )  # a value of ClearNoon: a preset's name replaces the whole weather
     assert (weather["weather=wet"].fog_density, weather["weather=wet"].precipitation_deposits) == (20, 50)
     casts = {v.variant.split(",")[0]: [a.name for a in v.scene.actors] for v in plan.variants}
     assert casts == {"cast=one": ["hero"], "cast=none": [], "cast=two": ["hero", "guest"]}
 
 
-def test_the_extends_case_reads_its_chain_and_hashes_each_file() -> None:
+def test_extended_files_are_read_and_hashed() -> None:
     compiled = compile_recipe(CASES / "good/extends/recipe.yaml")
     assert list(compiled.files) == ["common/street.yaml", "common/town.yaml", "recipe.yaml"]
     (variant,) = compiled.plan.variants
@@ -71,7 +73,7 @@ def test_the_extends_case_reads_its_chain_and_hashes_each_file() -> None:
     assert (variant.rig.sensors[0].camera.width, variant.rig.sensors[0].camera.fov) == (320, 60)
 
 
-def test_warnings_name_both_axes_that_clash() -> None:
+def test_warnings_name_both_axes_in_conflict() -> None:
     (warning,) = compile_recipe(CASES / "good/deltas/recipe.yaml").warnings
     assert warning.message == "axes weather and view both set weather.wetness"
     assert warning.help == "the later one, view, wins"

@@ -1,4 +1,4 @@
-"""One run reports the mistakes of deltas too where the recipe's other parts are wrong."""
+"""One run reports mistakes in deltas and in other parts of the recipe."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def mistakes(recipe: dict[str, Any]) -> list[str]:
     ],
     ids=str,
 )
-def test_other_mistakes_do_not_hide_those_of_deltas(wrong: dict[str, Any]) -> None:
-    """They were reported by a second run, after the first ones were corrected."""
+def test_mistakes_in_other_parts_do_not_hide_those_in_deltas(wrong: dict[str, Any]) -> None:
+    """Regression: mistakes in deltas were reported only after the others had been corrected."""
     assert len(mistakes(small() | wrong)) == 1
     found = mistakes(small() | {"deltas": DELTAS} | wrong)
     assert 'unknown key "wether" in base' in found and len(found) == 2
 
 
-def test_values_that_need_those_of_another_axis_are_no_mistakes() -> None:
+def test_values_that_depend_on_another_axis_are_no_mistakes() -> None:
     walker = {"blueprint": "walker.pedestrian.0001", "start": {"x": -5, "y": 8}, "goal": {"x": -5, "y": 0}}
     deltas = {
         "who": {"one": {"actors": {"second": walker}}, "two": {"actors": {"second": {**walker, "speed": 2.0}}}},
@@ -48,7 +48,7 @@ def test_values_that_need_those_of_another_axis_are_no_mistakes() -> None:
     assert mistakes(small() | {"deltas": deltas, "sed": 1}) == ['unknown key "sed"']
 
 
-def test_what_a_rule_excludes_is_no_mistake() -> None:
+def test_excluded_combinations_are_not_checked() -> None:
     deltas = {"who": {"none": {"actors": None}}, "pace": {"fast": {"actors": {"hero1": {"speed": 2.0}}}}}
     sweep = {"exclude": [{"who": "none", "pace": "fast"}]}
     found = mistakes(small() | {"deltas": deltas, "sweep": sweep, "sed": 1})

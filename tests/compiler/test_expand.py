@@ -1,4 +1,4 @@
-"""From axes and draws to variants, and the warnings where two of them meet."""
+"""Expansion of axes and draws to variants, and warnings about conflicts between them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def drawing(deltas: dict[str, Any], *paths: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("path", ["weather.fog_density", "actors.hero1.start.x"])
-def test_a_draw_that_overrides_an_axis_is_warned_of(path: str) -> None:
+def test_a_draw_that_overrides_an_axis_causes_a_warning(path: str) -> None:
     deltas = {"fog": FOG, "place": {"here": {}, "there": {"actors": {"hero1": {"start": {"x": -5, "y": 8}}}}}}
     result = compiled(drawing(deltas, path))
     (warning,) = result.warnings
@@ -30,17 +30,17 @@ def test_a_draw_that_overrides_an_axis_is_warned_of(path: str) -> None:
         assert len({v.appearance.weather.fog_density for v in result.plan.variants}) == 1
 
 
-def test_a_draw_beside_the_axes_is_not_warned_of() -> None:
+def test_a_draw_without_a_conflict_causes_no_warning() -> None:
     assert compiled(drawing({"fog": FOG}, "weather.wetness")).warnings == ()
 
 
-def test_a_draw_over_a_preset_is_warned_of() -> None:
+def test_a_draw_over_a_preset_causes_a_warning() -> None:
     (warning,) = compiled(drawing({"w": {"a": {}, "b": {"weather": "WetNoon"}}}, "weather.wetness")).warnings
     assert warning.message == "axis w and sweep.draw both set weather.wetness"
 
 
 @pytest.mark.slow
-def test_meetings_of_thousands_of_paths_are_found_quickly() -> None:
+def test_conflicts_of_thousands_of_paths_are_found_quickly() -> None:
     from recipe_compiler.expand import clashes
     from recipe_compiler.schema.sweep import Sweep
     from recipe_compiler.source.yaml_reader import parse

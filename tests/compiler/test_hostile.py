@@ -1,4 +1,4 @@
-"""An untrusted recipe takes bounded time and memory, and may fail only with an InputError."""
+"""An untrusted recipe takes bounded time and memory, and fails only with an InputError."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
-def test_any_bytes_are_refused_politely(content: bytes) -> None:
+def test_any_bytes_are_refused_with_an_input_error(content: bytes) -> None:
     value, problems = parse(content, "x.yaml")
     assert value is not None or problems
 
@@ -97,8 +97,8 @@ def test_any_bytes_are_refused_politely(content: bytes) -> None:
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())
-def test_any_broken_recipe_is_refused_politely(data: st.DataObject) -> None:
-    """Nothing but an InputError whatever value stands anywhere, and each of its problems has a place."""
+def test_any_broken_recipe_is_refused_with_an_input_error(data: st.DataObject) -> None:
+    """Any value anywhere in a recipe causes at most an InputError, each of whose problems has a place."""
     junk = st.recursive(
         st.none() | st.booleans() | st.integers() | st.text(max_size=9) | st.sampled_from(["*", "a" * 300, "12:00"]),
         lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(max_size=4), inner, max_size=2),

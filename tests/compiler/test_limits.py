@@ -1,4 +1,4 @@
-"""Cost before work."""
+"""Costs are estimated and limited before any work."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def test_shared_work_is_counted_once() -> None:
     assert (cost.frames, cost.images) == (48, 96)
 
 
-def test_labels_are_paid_for_once() -> None:
+def test_shared_labels_are_counted_once() -> None:
     one = compiled(small()).cost
     two = compiled(small() | {"deltas": {"w": {"a": {}, "b": {"weather": "WetNoon"}}}}).cost
     assert one.bytes < two.bytes < 2 * one.bytes
     assert one.minutes <= two.minutes
 
 
-def test_a_large_recipe_needs_an_explicit_yes(tmp_path: Path) -> None:
+def test_a_large_recipe_requires_allow_large(tmp_path: Path) -> None:
     path = tmp_path / "recipe.yaml"
     still = {"street": {"mount": {}, "camera": {"width": 16, "height": 16}, "capture": ["rgb"]}}
     path.write_text(json.dumps(small(clock={"fps": 10, "frames": 60_000}, sensors=still) | {"sweep": {"repeats": 2}}))
@@ -80,16 +80,16 @@ def test_half_the_free_disk_is_a_limit(tmp_path: Path) -> None:
     ],
     ids=["casts", "crowds", "towns", "actors", "sensors"],
 )
-def test_what_takes_long_to_compile_needs_an_explicit_yes(sweep: dict[str, Any], base: dict[str, Any]) -> None:
+def test_a_long_compilation_requires_allow_large(sweep: dict[str, Any], base: dict[str, Any]) -> None:
     started = time.process_time()
     with pytest.raises(TooLargeError, match=r"about \d+ s of compiling alone are over 12 s"):
         compiled(small(**base) | {"sweep": sweep})
-    assert time.process_time() - started < 10  # on a busy host; the work itself takes longer
+    assert time.process_time() - started < 10  # on a busy host; the compilation itself takes longer
 
 
 @pytest.mark.slow
-def test_the_estimate_of_compiling_is_of_the_right_size(tmp_path: Path) -> None:
-    """Each kind of work for itself; within a factor of six, for machines differ and share their cores."""
+def test_the_estimate_of_compilation_has_the_right_magnitude(tmp_path: Path) -> None:
+    """Each kind of work alone is within a factor of 6; machines differ and share their cores."""
     still = small()["base"]["sensors"]["street"] | {"motion": {}}
     large = {"name": "downtown", "blocks": [9, 9]}
     for sweep, base in (
@@ -105,7 +105,7 @@ def test_the_estimate_of_compiling_is_of_the_right_size(tmp_path: Path) -> None:
         assert taken / 6 < result.cost.compile_seconds < taken * 6, (sweep, taken, result.cost.compile_seconds)
 
 
-def test_variants_that_share_a_town_share_its_plan_and_those_that_share_a_cast_its_colours() -> None:
+def test_variants_share_the_plans_of_equal_towns_and_the_colours_of_equal_actors() -> None:
     sweep = {"repeats": 2, "draw": {"count": 2, "values": {"weather.wetness": {"uniform": [0, 9]}}}}
     plans = compiled(small() | {"sweep": sweep}).plan.variants
     assert len({id(plan.scene.town) for plan in plans}) == 1
@@ -114,12 +114,12 @@ def test_variants_that_share_a_town_share_its_plan_and_those_that_share_a_cast_i
 
 @pytest.mark.slow
 @pytest.mark.parametrize("blocks", [[1, 1], [3, 3], [9, 9], [9, 1]])
-def test_the_size_of_a_town_is_known_beforehand(blocks: list[int]) -> None:
+def test_the_size_of_a_town_is_estimated(blocks: list[int]) -> None:
     count = len(towns.build("downtown", 7, {"blocks": blocks}).plan.elements)
     assert count == pytest.approx(towns.elements("downtown", {"blocks": blocks}), rel=0.15)
 
 
-def test_sizes_are_in_units_that_say_something(tmp_path: Path) -> None:
+def test_sizes_have_suitable_units(tmp_path: Path) -> None:
     assert [size(n) for n in (12, 12_345, 40_000_000, 5 * 2**30)] == ["12 bytes", "12 KiB", "38 MiB", "5.0 GiB"]
     path = tmp_path / "recipe.yaml"
     path.write_text(json.dumps(small()))
@@ -129,7 +129,7 @@ def test_sizes_are_in_units_that_say_something(tmp_path: Path) -> None:
         compile_recipe(path, free_disk=0)
 
 
-def test_the_cost_of_the_weather_sweep_is_what_its_build_took() -> None:
+def test_the_estimate_of_the_weather_sweep_matches_its_build() -> None:
     cost = compile_recipe(RECIPES / "weather_sweep.yaml").cost
     assert 59 / 1.5 < cost.minutes * 60 < 59 * 1.5  # `recipe build --workers 1`, on one core of a 2020s x86
     assert cost.bytes == pytest.approx(404_000_000, rel=0.1)  # its frames, without previews
@@ -140,8 +140,8 @@ def test_a_product_is_counted_without_being_built() -> None:
     assert count(axes, Sweep(repeats=7)) == 7 * 1000**40  # type: ignore[arg-type]  # a stand-in for axes
 
 
-def test_time_is_reported_of_one_core_and_of_many_and_knows_what_moves() -> None:
-    """Measured on builds: a camera that moves costs three times as much, and workers do not share the start."""
+def test_time_is_estimated_for_one_and_many_cores_and_depends_on_motion() -> None:
+    """As measured in builds: a moving camera costs three times as much, and start-up is not shared by workers."""
     still = Clip(frames=300, pixels=480_000, samples=480_000, capture=("rgb", "depth"))
     cost, moving = (
         total([Load("scene", "rig", "look", steps=300, actors=4, views=(view,))], "carla")
@@ -161,8 +161,8 @@ def _load(view: Clip = SMALL_CLIP, **fields: Any) -> Load:
     return Load(**{**whole, "views": (view,), "elements": 700, **fields})
 
 
-def test_hours_of_work_need_an_explicit_yes(tmp_path: Path) -> None:
-    """962 hours passed in silence: the frames and bytes of a recipe may be few, and the work long."""
+def test_hours_of_work_require_allow_large(tmp_path: Path) -> None:
+    """Regression: 962 hours were not reported, because the recipe has few frames and bytes."""
     path = tmp_path / "recipe.yaml"
     camera = {"width": 1000, "height": 800, "supersample": 4}
     sensors = {f"s{n}": {"mount": {"on": "hero1"}, "camera": camera, "capture": ["rgb"]} for n in range(4)}
@@ -183,7 +183,7 @@ def test_hours_of_work_need_an_explicit_yes(tmp_path: Path) -> None:
     ],
 )
 def test_each_kind_of_work_is_counted(more: dict[str, Any], least: float, most: float) -> None:
-    """The same work but for one thing, which once was left out or guessed."""
+    """The recipes differ in one kind of work that an earlier estimate ignored or guessed."""
     assert least < total([_load(**more)], "carla").minutes / total([_load()], "carla").minutes < most
 
 
@@ -193,18 +193,18 @@ def test_blur_and_bloom_cost_time() -> None:
     assert 1.1 < blurred / plain < 2
 
 
-def test_towns_that_differ_are_each_loaded() -> None:
+def test_the_loading_of_every_different_town_is_counted() -> None:
     four = [_load(scene=n, appearance=n) for n in range(4)]
     assert total(four, "carla").minutes > 2 * total(four[:1], "carla").minutes
 
 
-def test_a_small_file_takes_a_block_of_the_disk() -> None:
-    """3,000 frames of a few pixels were 16 bytes, which no disk was ever too full for."""
+def test_a_small_file_is_counted_as_a_block_of_the_disk() -> None:
+    """Regression: 3,000 frames of a few pixels were estimated at 16 bytes."""
     tiny = Clip(frames=3000, pixels=4, samples=4, capture=("instance",))
     assert total([_load(tiny, actors=0)], "carla").bytes >= 3000 * 4096
 
 
-def test_memory_does_not_depend_on_frames_but_for_labels() -> None:
+def test_memory_does_not_depend_on_frames_except_for_labels() -> None:
     few, many = (total([_load(replace(SMALL_CLIP, frames=frames))], "carla") for frames in (100, 2400))
     assert few.worker_memory == many.worker_memory
     assert 2300 < (many.main_memory - few.main_memory) < 2300 * 4 * 4000
@@ -222,7 +222,7 @@ def test_memory_grows_with_town_actors_and_samples(change: dict[str, Any], least
     assert total([_load(**change)], "carla").worker_memory - total([_load()], "carla").worker_memory > least
 
 
-def test_memory_is_held_to_what_the_host_has(tmp_path: Path) -> None:
+def test_memory_is_limited_to_that_of_the_host(tmp_path: Path) -> None:
     path = tmp_path / "recipe.yaml"
     path.write_text(json.dumps(small()))
     cost = compile_recipe(path, memory=Memory(1 << 40, None, 4)).cost
@@ -239,7 +239,7 @@ def test_memory_is_held_to_what_the_host_has(tmp_path: Path) -> None:
 
 
 def far(count: int) -> dict[str, Any]:
-    """Vehicles with one route of 14,142 km each."""
+    """Return vehicles with one route of 14,142 km each."""
     ends = [{"x": 9999 * (-1) ** k, "y": 9999 * (-1) ** k} for k in range(501)]
     car = {"blueprint": "vehicle.sedan.a", "route": ends}
     return small(
@@ -248,7 +248,7 @@ def far(count: int) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_the_length_of_routes_is_bounded_and_paid_for() -> None:
+def test_the_length_of_routes_is_bounded_and_counted() -> None:
     near, long = compiled(small(traffic={}, actors={})).cost, compiled(far(1)).cost
     assert long.minutes - near.minutes > 0.2
     assert long.main_memory - near.main_memory > 100 << 20
@@ -257,7 +257,7 @@ def test_the_length_of_routes_is_bounded_and_paid_for() -> None:
 
 
 @pytest.mark.parametrize(("count", "blueprint"), [(100, "vehicle.sedan.a"), (100, "walker.pedestrian.0001")])
-def test_a_pile_of_actors_is_refused(count: int, blueprint: str) -> None:
+def test_too_many_overlapping_actors_are_refused(count: int, blueprint: str) -> None:
     pile = {f"a{k}": {"blueprint": blueprint, "start": {"x": -4, "y": 6}} for k in range(count)}
     with pytest.raises(InputError, match="4,950 pairs of actors start on top of each other, and at most 4,000 may"):
         compiled(small(traffic={}, actors=pile))
@@ -265,7 +265,7 @@ def test_a_pile_of_actors_is_refused(count: int, blueprint: str) -> None:
 
 @pytest.mark.slow
 def test_boxes_that_shorten_arms_are_part_of_the_estimate() -> None:
-    """Each sensor's plan has all buildings of its town."""
+    """The plan of each such sensor has all buildings of its town."""
     recipe = small()
     recipe["base"]["town"] = {"name": "downtown", "blocks": [8, 8]}
     sensor = {"mount": {"on": "hero", "x": -4, "z": 2, "attachment": "spring_arm"}, "capture": ["rgb"]}
@@ -293,7 +293,7 @@ def test_images_are_part_of_the_estimate() -> None:
 
 
 def test_patches_are_part_of_the_estimate() -> None:
-    """Their truth is computed, and charts are rendered, frame by frame; files of the truth take disk space."""
+    """Ground truth and colour charts are computed for every frame, and files of ground truth take disk space."""
     load = Load("s", "r", "a", 1, 1, (Clip(100, 1 << 20, 1 << 20, ("rgb",)),))
     patched = replace(load, patches=64)
     moved, with_charts = replace(patched, moving_patches=64), replace(patched, inserted_patches=64, charts=64)

@@ -1,4 +1,4 @@
-"""Errors are plain, each once, with their variant, a remedy, and a suggestion only where a name is near."""
+"""Errors are plain, reported once, and have their variant, a remedy, and a suggestion if a name is similar."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         ("base:\n  a: {b: 1}\n   town: x\n", (3, 4), "lines 2 and 3 belong to one map", "line 3 with 2 spaces"),
         # the earlier line is the one that differs from its siblings
         ("base:\n    a: 1\n  b: 2\n  c: 3\n", (2, 5), "lines 2 and 3 belong to one map", "line 2 with 2 spaces"),
-        # a line that starts too far left ends the map above, which the next line continues
+        # a line with too little indentation ends the map above, which the next line continues
         ("base:\n  a: 1\nb: 2\n  c: 3\n", (3, 1), "line 3 ends the map `base` of line 1", "start it with 2 spaces"),
         ("base:\n  a: 1\nb:\n    c: 3\n  d: 1\n", (3, 1), "but line 5 continues it", "start it with 2 spaces"),
         ("a: {b: #ff0000}\nc: 1\n", (1, 8), "starts a comment, which hides the rest of line 1", '"#ff0000"'),
@@ -59,19 +59,19 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         ("a: 1\n}\n", (2, 1), "closes a bracket that is not open", "remove it"),
     ],
 )
-def test_mistakes_of_yaml_are_told_in_plain_words(text: str, place: tuple[int, int], message: str, help: str) -> None:
+def test_errors_of_yaml_are_explained(text: str, place: tuple[int, int], message: str, help: str) -> None:
     _, (problem,) = parse(text.encode(), "f.yaml")
     assert problem.place is not None and (problem.place.line, problem.place.column) == place
     assert message in problem.message and problem.help is not None and help in problem.help
     assert problem.code is Code.YAML_SYNTAX
 
 
-def test_what_is_indented_well_gets_no_hint_of_it() -> None:
+def test_correct_indentation_gets_no_hint() -> None:
     for text in ("a:\n  b: 1\n  c: 2\n", "a:\n- b\n- c\n", "a: |\n  x\n   y\nb: 1\n", "a:\n  - b: 1\n    c: 2\n"):
         assert parse(text.encode(), "f.yaml")[1] == []
 
 
-def test_a_bad_byte_has_its_line_and_column() -> None:
+def test_the_error_for_an_invalid_byte_has_line_and_column() -> None:
     _, (problem,) = parse(b"recipe: a\n# caf\xe9\n", "f.yaml")
     assert str(problem.place) == "f.yaml:2:6" and "byte 0xe9 at offset 15" in problem.message
 
@@ -102,7 +102,7 @@ def test_an_error_of_every_variant_names_none(tmp_path: Path) -> None:
     assert problem.note is None
 
 
-def test_an_error_of_several_variants_comes_once_and_counts_them(tmp_path: Path) -> None:
+def test_an_error_of_several_variants_is_reported_once_with_their_number(tmp_path: Path) -> None:
     deltas = {"w": {"dry": {}, "wet": {"weather": {"wetness": 900}}}, "h": {"a": {}, "b": {"time": "12:00"}, "c": {}}}
     (problem,) = wrong(tmp_path, small() | {"deltas": deltas})
     assert problem.note == "in variant w=wet,h=a, town downtown, and in 2 other variants"
@@ -114,13 +114,13 @@ def test_a_town_without_room_is_reported_with_its_variant(tmp_path: Path) -> Non
     assert problem.code is Code.NO_ROOM and problem.note == "in variant t=narrow, town plaza"
 
 
-def test_an_error_shows_the_line_of_the_file_that_it_is_in(tmp_path: Path) -> None:
+def test_an_error_shows_the_line_of_its_file(tmp_path: Path) -> None:
     (tmp_path / "street.yaml").write_text("base:\n  clock: {fps: 10, frames: 0}\n")
     (problem, *_) = wrong(tmp_path, "recipe: x\nextends: street.yaml\n")
     assert (problem.source, problem.place and problem.place.line) == ("  clock: {fps: 10, frames: 0}", 2)
 
 
-def test_a_file_is_suggested_only_where_one_is_near(tmp_path: Path) -> None:
+def test_a_file_is_suggested_only_if_its_name_is_similar(tmp_path: Path) -> None:
     (tmp_path / "street.yaml").touch()
     (near_,) = wrong(tmp_path, "recipe: x\nextends: strete.yaml\n")
     assert near_.help == 'did you mean "street.yaml"?'
@@ -132,12 +132,12 @@ def test_a_file_is_suggested_only_where_one_is_near(tmp_path: Path) -> None:
     ("word", "expected"),
     [
         ("walker.pedestrain.0001", "walker.pedestrian.0001"),
-        ("walker.pedestrian.9999", None),  # another number is no slip
+        ("walker.pedestrian.9999", None),  # another number is not a typing error
         ("vehicle.tesla.model3", None),
         ("vehicle.bicycle.rode", None),
     ],
 )
-def test_a_blueprint_is_suggested_only_where_one_is_near(word: str, expected: str | None) -> None:
+def test_a_blueprint_is_suggested_only_if_its_name_is_similar(word: str, expected: str | None) -> None:
     found = near(word, names())
     assert found == expected or (expected is None and found is not None and found.split(".")[1] == word.split(".")[1])
     if word == "vehicle.tesla.model3":
@@ -149,7 +149,7 @@ def test_the_text_of_many_errors_ends_with_their_number() -> None:
     assert len(lines) == MAX_SHOWN + 1 and lines[-1] == "and 7 more"
 
 
-def test_the_same_problem_of_thousands_of_variants_is_kept_once() -> None:
+def test_an_equal_problem_of_thousands_of_variants_is_stored_once() -> None:
     from recipe_compiler.expand import Variant
     from recipe_compiler.ir.errors import Place
     from recipe_compiler.source.yaml_reader import Value
@@ -161,7 +161,7 @@ def test_the_same_problem_of_thousands_of_variants_is_kept_once() -> None:
 
 
 def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Letter by letter, a recipe of 400 KB took minutes: each wrong name has few near ones, and only 50 are shown."""
+    """Regression: comparing all names of a recipe of 400 KB took minutes; at most 50 errors are shown."""
     compared = []
     original = difflib.get_close_matches
 
@@ -193,7 +193,7 @@ def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch:
     ],
 )
 def test_the_remedy_can_be_copied(tmp_path: Path, change: dict[str, object], help: str) -> None:
-    """A remedy in general words, such as `write it in digits`, leaves the work of finding the value to the reader."""
+    """A remedy has the value to write, and not a general rule such as `write it in digits`."""
     assert help in [problem.help for problem in wrong(tmp_path, small(**change))]
 
 
@@ -224,7 +224,7 @@ def test_a_distribution_in_brackets_and_a_base_in_a_delta_have_remedies(tmp_path
 def test_a_value_with_a_unit_is_converted_to_that_of_the_field(
     tmp_path: Path, mount: dict[str, str], help: str
 ) -> None:
-    """180 for 180 cm would be a camera above the roofs."""
+    """Reading 180 cm as 180 m would place the camera above the roofs."""
     recipe = small()
     recipe["base"]["sensors"]["street"]["mount"] |= mount
     (problem,) = wrong(tmp_path, recipe)

@@ -1,4 +1,4 @@
-"""A plan's variant by name: a near name is suggested, a distant one is not."""
+"""A plan's variant by name: the error for an unknown name suggests a similar one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.compiler.kitchen import compiled, small
         ("foo", "the first is 'w=dry', and `recipe plan` lists all"),
     ],
 )
-def test_only_a_near_name_is_suggested(name: str, help: str) -> None:
+def test_only_a_similar_name_is_suggested(name: str, help: str) -> None:
     recipe = small() | {"deltas": {"w": {"dry": {}, "wet": {"weather": {"wetness": 60}}}}}
     with pytest.raises(InputError) as caught:
         compiled(recipe).plan.named(name)

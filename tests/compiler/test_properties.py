@@ -1,4 +1,4 @@
-"""What a change to a recipe may change, and what it may not: the promises that make work shareable."""
+"""What a change of a recipe may change, and what it must not, so that variants can share work."""
 
 from __future__ import annotations
 
@@ -45,23 +45,25 @@ def bytes_of(plan: ScenarioPlan) -> bytes:
 @pytest.mark.slow
 @quick
 @given(seeds, weathers, weathers)
-def test_weather_leaves_scene_and_rig_alone(seed: int, one: Any, other: Any) -> None:
+def test_weather_changes_neither_scene_nor_rig(seed: int, one: Any, other: Any) -> None:
     recipe = small(weather=one) | {"seed": seed, "deltas": {"weather": {"same": {}, "other": {"weather": other}}}}
     same, changed = compiled(recipe).plan.variants
     assert (same.scene.digest, same.rig.digest) == (changed.scene.digest, changed.rig.digest)
     assert canonical_bytes(same.scene.document()) == canonical_bytes(changed.scene.document())
 
 
-TOO_NEAR = 8.0  # metres between two vehicles, or anyone: they would touch
+TOO_NEAR = 8.0  # metres between two vehicles, or other actors, that would touch
 
 
 @pytest.mark.slow
 @quick
-@example(2730, "dfr06ad1", True, "walker.pedestrian.*", 0)  # it is drawn onto the spot of another
+@example(2730, "dfr06ad1", True, "walker.pedestrian.*", 0)  # it would start at the place of another
 @given(seeds, names, st.booleans(), st.sampled_from(["walker.pedestrian.*", "vehicle.*"]), st.integers(0, 2))
 def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blueprint: str, position: int) -> None:
-    """Wherever it is put: the others' blueprints, looks, starts and ways. Their numbers, which follow the file, are
-    kept only if it comes last. Only who would have been drawn onto the very spot that it takes, before them, gives way.
+    """The others keep their blueprints, looks, starts and routes, wherever it is inserted.
+
+    They keep their instance numbers, which follow the order of the file, only if it is the last. An actor whose random
+    start it occupies starts elsewhere.
     """
     recipe = small() | {"seed": seed}
     assume(name not in recipe["base"]["actors"])
@@ -89,7 +91,7 @@ def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blu
 @pytest.mark.slow
 @quick
 @given(seeds, st.integers(0, 4), st.integers(0, 4))
-def test_more_traffic_changes_nobody(seed: int, vehicles: int, pedestrians: int) -> None:
+def test_additional_traffic_changes_no_other_actor(seed: int, vehicles: int, pedestrians: int) -> None:
     few = only(small(traffic={"vehicles": vehicles, "pedestrians": 2}) | {"seed": seed})
     more = only(small(traffic={"vehicles": vehicles + 1, "pedestrians": 2}) | {"seed": seed})
     new = f"traffic.vehicle.{vehicles}"
@@ -108,7 +110,7 @@ def test_adding_a_sensor_changes_no_other(seed: int, name: str, frames: int) -> 
     before, after = only(recipe), only(more)
     assert before.scene.digest == after.scene.digest
     assert before.rig.sensors[0] == after.rig.sensors[1]
-    assert after.rig.sensors[0].poses[0] != after.rig.sensors[1].poses[0]  # each shakes for itself
+    assert after.rig.sensors[0].poses[0] != after.rig.sensors[1].poses[0]  # each sensor has independent jitter
     assert before.appearance.responses["street"] == after.appearance.responses["street"]
 
 
@@ -146,7 +148,7 @@ def test_adding_a_value_or_a_repeat_changes_no_other_variant(
 @pytest.mark.slow
 @quick
 @given(seeds, st.integers(1, 4), st.integers(1, 3))
-def test_more_draws_change_no_earlier_one(seed: int, count: int, more: int) -> None:
+def test_additional_draws_change_no_earlier_one(seed: int, count: int, more: int) -> None:
     def recipe(count: int, **values: Any) -> dict[str, Any]:
         values = {"weather.fog_density": {"uniform": [0, 60]}, **values}
         return small() | {"seed": seed, "sweep": {"draw": {"count": count, "values": values}}}
@@ -218,7 +220,7 @@ def _changed(value: Any) -> Any:
 
 
 def _digest(part: str, document: dict[str, Any]) -> str:
-    """What a plan's digest is by its document: what many plans share is hashed by itself."""
+    """Return a plan's digest by its document; parts that many plans share are hashed separately."""
     shared = {"scene": "town", "appearance": "looks"}.get(part)
     own = {**document, shared: digest(f"plan/{shared}/1", document[shared])} if shared else document
     own = {key: value for key, value in own.items() if value or key not in ("props", "textures")}

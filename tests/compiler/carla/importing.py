@@ -1,4 +1,4 @@
-"""Imports configurations of tests, and compiles the recipes."""
+"""Import configurations of tests, and compile the recipes."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ TOGETHER = {"paper": PAPER, "oscar": OSCAR, **{path.stem: (path,) for path in SI
 
 @functools.cache
 def import_files(*paths: Path, town: str | None = None) -> tuple[Imported, ...]:
-    """The imports of files; their paths in reports are their names."""
+    """Return the imports of files, which reports name without folders."""
     return import_configurations([File(path.name, path.read_bytes()) for path in paths], town=town)
 
 
 def import_text(text: str, *weathers: str, town: str | None = None) -> Imported:
-    """The import of one configuration, `config.yaml`, with weathers `weather0.yaml` and so on."""
+    """Return the import of one configuration, `config.yaml`, with weathers `weather0.yaml` and so on."""
     files = [File("config.yaml", text.encode())]
     files += [File(f"weather{number}.yaml", each.encode()) for number, each in enumerate(weathers)]
     (one,) = import_configurations(files, town=town)
@@ -34,14 +34,14 @@ def import_text(text: str, *weathers: str, town: str | None = None) -> Imported:
 
 
 def compiled(one: Imported, folder: Path) -> Compiled:
-    """The compiled recipe of an import."""
+    """Return the compiled recipe of an import."""
     path = folder / f"{one.name}.yaml"
     path.write_text(one.text, encoding="utf-8")
     return compile_recipe(path)
 
 
 def leaves(path: Path) -> Iterator[tuple[str, int, str]]:
-    """Every scalar and empty map or list of a file: its file, its line and its path."""
+    """Return the file, line and path of every scalar and every empty map or list of a file."""
     root, problems = yaml_reader.parse(path.read_bytes(), path.name)
     assert root is not None and not problems
     for key, line in _leaves(root, "", 0):

@@ -1,4 +1,4 @@
-"""CARLA's poses, by its own rotation matrix and mirrored in y, equal the imported poses."""
+"""CARLA's poses, by its rotation matrix and mirrored in y, equal the imported poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any configuration is imported to a recipe with a complete report, or ends with problems."""
+"""Any configuration is imported to a recipe with a complete report, or refused with problems."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NAMES = ("every_key", "mobile_sensors", "following", "two_rigs", "aliases", "osc
 
 
 def plain(name: str) -> Plain:
-    """A configuration as plain data."""
+    """Return a configuration as plain data."""
     path = PAPER[0] if name == "paper" else CONFIGS / f"{name}.yaml"
     root, problems = yaml_reader.parse(path.read_bytes(), name)
     assert root is not None and not problems
@@ -35,7 +35,7 @@ def plain(name: str) -> Plain:
 
 
 def paths(value: Plain, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    """The paths of all values below a value."""
+    """Return the paths of all values below a value."""
     children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, child in children:
         yield (*path, key)
@@ -48,7 +48,7 @@ PATHS = {name: list(paths(value)) for name, value in CONFIGURATIONS.items()}
 
 @st.composite
 def mutated(draw: st.DrawFn) -> str:
-    """A configuration of the tests in which one to three values are replaced or removed, as JSON, which is YAML."""
+    """Return a configuration as JSON (a subset of YAML), with one to three values replaced or removed."""
     name = draw(st.sampled_from(sorted(CONFIGURATIONS)))
     document: Any = json.loads(json.dumps(CONFIGURATIONS[name]))
     for _ in range(draw(st.integers(1, 3))):
@@ -64,7 +64,7 @@ def mutated(draw: st.DrawFn) -> str:
             else:
                 del here[last]
         except (KeyError, IndexError, TypeError):
-            continue  # an earlier change removed the place
+            continue  # an earlier change removed this path
     return json.dumps(document, indent=1)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.compiler.carla.importing import CONFIGS, TOGETHER, compiled, import_files, leaves
 
-# Every key of reference page 1.1: the collector's.
+# Every key of the collector, from the reference page 1.1.
 KEYS = {
     "carla": "host port timeout sync.fps sync.timeout seed traffic_manager_port respawn townmap retry",
     "weather": "cloudiness precipitation precipitation_deposits wind_intensity sun_azimuth_angle sun_altitude_angle"
@@ -28,14 +28,14 @@ def test_every_leaf_of_the_input_is_in_the_report(name: str) -> None:
         found = [(row.place.file, row.place.line, row.key) for row in one.report.rows]
         wanted = [leaf for path in TOGETHER[name] for leaf in leaves(path)]
         assert len(set(found)) == len(found)
-        # An alias is a place of its own in the input, and its content is reported where it was written.
+        # An alias is a separate place in the input; its content is reported at its anchor.
         assert {(file, key) for file, _, key in wanted} <= {(file, key) for file, _, key in found}
         if name != "aliases":
             assert set(wanted) <= set(found)
 
 
 @pytest.mark.parametrize("name", TOGETHER)
-def test_every_row_says_where_to_or_why(name: str) -> None:
+def test_every_row_has_a_target_or_a_reason(name: str) -> None:
     for one in import_files(*TOGETHER[name]):
         for row in one.report.rows:
             assert row.outcome.value in ("kept", "mapped", "ignored")
@@ -46,7 +46,7 @@ def test_every_row_says_where_to_or_why(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", TOGETHER)
-def test_the_recipe_compiles_and_its_values_are_where_the_report_says(name: str, tmp_path: Path) -> None:
+def test_the_recipe_compiles_and_has_its_values_at_the_reported_paths(name: str, tmp_path: Path) -> None:
     for one in import_files(*TOGETHER[name]):
         assert compiled(one, tmp_path).plan.recipe == one.name
         assert one.text.isascii() or one.text.replace("\n", "").isprintable()

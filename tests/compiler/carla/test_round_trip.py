@@ -140,7 +140,7 @@ def check_sensor(sensor: SensorPlan, rig: dict[str, Any], plan: ScenarioPlan, sh
 @pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(configurations)
-def test_what_both_languages_know_loses_nothing(given: dict[str, Any]) -> None:
+def test_values_that_both_languages_express_are_preserved(given: dict[str, Any]) -> None:
     one = import_text(written(given))
     with tempfile.TemporaryDirectory() as folder:
         (plan,) = compiled(one, Path(folder)).plan.variants

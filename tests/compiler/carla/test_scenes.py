@@ -25,7 +25,7 @@ def plan_of(text: str, folder: Path) -> ScenarioPlan:
     return plan
 
 
-def test_the_papers_weathers_are_the_variants(tmp_path: Path) -> None:
+def test_the_weathers_of_the_paper_are_the_variants(tmp_path: Path) -> None:
     (one,) = import_files(*PAPER)
     plans = {plan.variant: plan for plan in compiled(one, tmp_path).plan.variants}
     assert list(plans) == ["weather=config", "weather=rainy", "weather=foggy"]
@@ -36,7 +36,7 @@ def test_the_papers_weathers_are_the_variants(tmp_path: Path) -> None:
     assert first.rig.sensors[0].capture == ("rgb", "depth", "instance")
 
 
-def test_the_papers_walkers_pass_each_other_before_the_camera(tmp_path: Path) -> None:
+def test_the_pedestrians_of_the_paper_pass_each_other_in_front_of_the_camera(tmp_path: Path) -> None:
     (one,) = import_files(*PAPER)
     plan = compiled(one, tmp_path).plan.variants[0]
     camera, (one_walker, other) = plan.rig.sensors[0].poses[0], plan.scene.actors
@@ -65,17 +65,17 @@ def test_a_file_of_weather_is_a_variant_in_every_form(form: str, tmp_path: Path)
     assert (own.variant, other.variant) == ("weather=config", "weather=weather0")
     assert (own.appearance.weather.wetness, own.appearance.weather.cloudiness) == (5, 40)
     assert (other.appearance.weather.wetness, other.appearance.weather.fog_density) == (70, 8)
-    assert other.appearance.weather.cloudiness == 40  # a file that lacks a key has the configuration's value
+    assert other.appearance.weather.cloudiness == 40  # a key missing in the file has the configuration's value
 
 
-def test_without_its_own_weather_a_configuration_has_those_of_the_files(tmp_path: Path) -> None:
+def test_a_configuration_without_weather_has_the_weathers_of_the_files(tmp_path: Path) -> None:
     text = HEAD + "  - blueprint: {name: sensor.camera.rgb}\n"
     one = import_text(text, "weather: {wetness: 1}", "weather: {wetness: 2}")
     assert [plan.appearance.weather.wetness for plan in compiled(one, tmp_path).plan.variants] == [1, 2]
 
 
-def test_oscars_files_are_sorted_by_what_they_hold(tmp_path: Path) -> None:
-    """Its collector.yaml has no actors of its own, and the file of a Hydra group lacks the name of the group."""
+def test_files_of_oscar_are_classified_by_content(tmp_path: Path) -> None:
+    """Its collector.yaml has no actors, and the file of a Hydra group does not contain the name of the group."""
     collector = "defaults: [_self_]\nmax_frames: ???\nactors: {}\nspawn_actors: ${oc.dict.values:actors}\n"
     context = "sync_params: {fps: 12}\nclient_params: {seed: 5}\n"
     scene = "max_frames: 2\nactors: {eye: {_target_: a.Camera, modalities: [rgb]}}\n"
@@ -97,13 +97,13 @@ def test_two_configurations_are_two_recipes() -> None:
     assert {row.place.file for row in first.report.rows} == {"tracking.yaml"}
 
 
-def test_a_slow_sensor_takes_fewer_pictures(tmp_path: Path) -> None:
+def test_a_slow_sensor_captures_fewer_frames(tmp_path: Path) -> None:
     text = HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.1'}}\n"
     assert plan_of(text, tmp_path).rig.sensors[0].interval == 3
     assert plan_of(text.replace("0.1", "0.001"), tmp_path).rig.sensors[0].interval == 1
 
 
-def test_a_sensor_in_a_sensor_that_moves_is_of_its_rig(tmp_path: Path) -> None:
+def test_a_sensor_inside_a_moving_sensor_belongs_to_its_rig(tmp_path: Path) -> None:
     text = HEAD + "  - blueprint: {name: sensor.camera.rgb}\n    transform: {location: {x: 1, z: 2}}\n"
     text += "    sensor_motion: {jitter_magnitude: {x: 0.1}}\n    sensors:\n"
     text += "      - blueprint: {name: sensor.camera.depth}\n"
@@ -113,13 +113,13 @@ def test_a_sensor_in_a_sensor_that_moves_is_of_its_rig(tmp_path: Path) -> None:
         import_text(text + "        transform: {location: {x: 1}}\n")
 
 
-def test_a_vehicles_paint_is_its_colour(tmp_path: Path) -> None:
+def test_the_colour_of_a_vehicle_is_its_paint(tmp_path: Path) -> None:
     (one,) = import_files(CONFIGS / "every_key.yaml")
     (plan,) = compiled(one, tmp_path).plan.variants
     assert plan.appearance.looks.root["ego"]["paint"] == "#ff0000"
 
 
-def test_oscars_scene_has_patch_crowd_and_warmup(tmp_path: Path) -> None:
+def test_the_scene_of_oscar_has_patch_crowd_and_warm_up(tmp_path: Path) -> None:
     (one,) = import_files(*OSCAR)
     (plan,) = compiled(one, tmp_path).plan.variants
     kinds = [actor.category for actor in plan.scene.actors]
@@ -127,13 +127,13 @@ def test_oscars_scene_has_patch_crowd_and_warmup(tmp_path: Path) -> None:
     assert (plan.scene.clock.fps, plan.scene.clock.frames, plan.scene.clock.warmup) == (10, 1, 2.0)
     (board,) = plan.scene.props
     camera = plan.rig.sensors[0].poses[0]
-    # The middle of the patch: OSCAR's (-47.5, 20.5), with the camera at (-50, -15), left-handed.
+    # The centre of the patch: (-47.5, 20.5) in OSCAR, with the camera at (-50, -15), left-handed.
     middle = (board.pose.x, board.pose.y - 47.25 / 2)
     assert (middle[0] - camera.x, middle[1] - camera.y) == pytest.approx((2.5, -35.5))
     assert (board.pose.pitch, camera.pitch, camera.yaw) == (-90, 50, -82)
 
 
-def test_oscars_sensor_follows_the_road(tmp_path: Path) -> None:
+def test_the_sensor_of_oscar_follows_the_road(tmp_path: Path) -> None:
     (one,) = import_files(CONFIGS / "oscar_actors.yaml")
     (plan,) = compiled(one, tmp_path).plan.variants
     poses = plan.rig.sensors[1].poses
@@ -172,7 +172,7 @@ def test_carlas_blueprints_become_those_of_the_library() -> None:
     assert catalogue.closest_match("vehicle.none", "vehicle", 0, "a") is None
 
 
-def test_children_stay_children() -> None:
+def test_children_are_imported_as_children() -> None:
     for number in (9, 10, 14, 48, 49):
         found = catalogue.closest_match(f"walker.pedestrian.{number:04d}", "walker", 0, "a")
         assert found is not None
@@ -180,14 +180,14 @@ def test_children_stay_children() -> None:
         assert person.attributes["generation"] == "child"
 
 
-def test_every_town_of_carla_has_one_here() -> None:
+def test_every_town_of_carla_has_a_counterpart() -> None:
     matches = [towns.closest_match(name) for name in ("Town01", "Town03_Opt", "/Game/Carla/Maps/Town04", "Town15")]
     assert {match[0] for match in matches if match is not None} == set(NAMES)
     assert towns.closest_match("Atlantis") is None
 
 
 @pytest.mark.slow
-def test_actors_start_where_they_can_stand() -> None:
+def test_actors_start_at_free_places() -> None:
     site = Site("downtown")
     points = [Point("walker", 100.0 * n, 3.0, goal=(100.0 * n, 30.0)) for n in range(2)]
     x, y = site.shift([*points, Point("sensor", 4.0, 10.0, 1.6)])

@@ -1,4 +1,4 @@
-"""Files that a recipe brings: read as others read them, to the bit everywhere, and refused with one error if broken."""
+"""Assets are read as by independent readers, with equal bits on every host; broken files are refused with one error."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ VALID = {"obj": obj(), "stl": stl(), "glb": glb()}
 
 
 def corners(found: MeshData) -> list[tuple[tuple[float, ...], ...]]:
-    """Every triangle as its three corners, in an order that no reader decides."""
+    """Return every triangle as its three corners, in an order that does not depend on the reader."""
     triangles = [part.vertices[row] for part in found.parts for row in part.triangles]
     return sorted(_from_least([tuple(map(float, corner)) for corner in t]) for t in triangles)
 
 
 def _from_least(corners: list[tuple[float, ...]]) -> tuple[tuple[float, ...], ...]:
-    """The same turn of a triangle, whichever corner it starts with."""
+    """Return a triangle with the same orientation, starting at its smallest corner."""
     first = corners.index(min(corners))
     return tuple(corners[first:] + corners[:first])
 
@@ -62,7 +62,7 @@ def by_trimesh(content: bytes, kind: str) -> list[tuple[tuple[float, ...], ...]]
 )
 def test_trimesh_reads_the_same_triangles(content: bytes, kind: str) -> None:
     ours = corners(mesh(content, kind, "z"))
-    if kind != "glb":  # both sides are ours: each triangle and its back
+    if kind != "glb":  # two-sided here: each triangle and its back
         backs = [_from_least(list(reversed(triangle))) for triangle in by_trimesh(content, kind)]
         assert np.allclose(ours, sorted([*by_trimesh(content, kind), *backs]), rtol=0, atol=1.5e-6)
     else:
@@ -77,7 +77,7 @@ def test_nodes_place_their_meshes_as_trimesh_places_them() -> None:
     ]
     content = glb(document(nodes=nodes)[0])
     ours, theirs = corners(mesh(content, "glb", "z")), by_trimesh(content, "glb")
-    # trimesh leaves a mirrored mesh inside out; ours turns its triangles.
+    # trimesh leaves a mirrored mesh inside out; this reader reverses its triangles.
     assert np.allclose(sorted(map(sorted, ours)), sorted(map(sorted, theirs)), rtol=0, atol=2e-6)
     outwards = mesh(content, "glb", "z")
     for part in outwards.parts:
@@ -86,8 +86,8 @@ def test_nodes_place_their_meshes_as_trimesh_places_them() -> None:
             assert float(((row - inside) * normal).sum()) > 0.0
 
 
-def test_axes_are_ours() -> None:
-    """glTF: y up, z forward, x to the left; so its z is our x, its x our y, its y our z."""
+def test_axes_are_converted() -> None:
+    """glTF has y up, z forward and x to the left, so its z, x and y become x, y and z."""
     found = mesh(obj(TETRAHEDRON * [1, 2, 3]), "obj", "y")
     assert (found.low, found.high) == ((0, 0, 0), (3, 1, 2))
     assert mesh(obj(TETRAHEDRON * [1, 2, 3]), "obj", "z").high == (1, 2, 3)
@@ -104,9 +104,9 @@ def test_polygons_negative_numbers_and_continued_lines() -> None:
     text = points + b"usemtl red paint\nf -4/1 -3/2 \\\n-2/3 -1/4\n"
     found = mesh(text, "obj", "z")
     (part,) = found.parts
-    assert (found.triangles, part.slot, part.mapped) == (4, "red_paint", True)  # a square, from both sides
+    assert (found.triangles, part.slot, part.mapped) == (4, "red_paint", True)  # a square with two sides
     top_left = part.uvs[(part.vertices == [0, 1, 0]).all(axis=1)]
-    assert (top_left == [0, 0]).all() and len(top_left)  # OBJ counts v from below, images from above
+    assert (top_left == [0, 0]).all() and len(top_left)  # v is counted from below in OBJ, and from above in images
 
 
 def test_materials_give_slots_colours_and_pictures() -> None:
@@ -126,7 +126,7 @@ def test_materials_give_slots_colours_and_pictures() -> None:
     assert (image(content, "glb", 0) == picture()).all()
 
 
-def test_texts_may_hold_their_data() -> None:
+def test_text_files_can_contain_binary_data() -> None:
     import base64
     import json
 
@@ -155,8 +155,8 @@ def test_interlaced_images_are_read() -> None:
     assert (image(content, "png") == np.asarray(Image.open(io.BytesIO(content)))).all()
 
 
-def test_what_is_not_pixels_never_reaches_the_decoder() -> None:
-    """A text that would unpack to a gigabyte, and a profile: neither is looked at."""
+def test_metadata_chunks_do_not_reach_the_decoder() -> None:
+    """Neither a text that would unpack to a gigabyte nor a colour profile is read."""
     bomb = modelling.chunk(b"zTXt", b"k\0\0" + b"\x78\xda" + os.urandom(100)) + modelling.chunk(b"gAMA", b"\0\0\0\1")
     assert (image(png(picture(), extra=bomb), "png") == picture()).all()
 
@@ -301,7 +301,7 @@ values = st.recursive(scalars, lambda v: st.lists(v, max_size=3) | st.dictionari
 @hostile
 @given(st.data())
 def test_any_gltf_document_is_read_or_refused(data: st.DataObject) -> None:
-    """One value of a valid document, wherever it is, becomes any other."""
+    """One value anywhere in a valid document is replaced by any other."""
     declared, body = document()
     here: Any = declared
     while isinstance(here, dict | list) and here:
@@ -344,8 +344,8 @@ print(digest.hexdigest())
 
 
 @pytest.mark.slow
-def test_the_same_numbers_whatever_the_processor_can() -> None:
-    """numpy without its wider instructions, glibc without FMA: the same bytes."""
+def test_the_numbers_do_not_depend_on_cpu_features() -> None:
+    """Compared with numpy without wide instructions and glibc without FMA."""
     seen = set()
     for environment in (
         {},
@@ -357,7 +357,7 @@ def test_the_same_numbers_whatever_the_processor_can() -> None:
     assert len(seen) == 1 and len(seen.pop()) == 65
 
 
-def test_the_shipped_files_are_what_their_maker_makes(tmp_path: Path) -> None:
+def test_the_shipped_files_equal_those_of_their_generator(tmp_path: Path) -> None:
     import runpy
 
     made = runpy.run_path(str(SHIPPED / "make_files.py"))

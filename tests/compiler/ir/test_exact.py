@@ -1,4 +1,4 @@
-"""exact.py must be accurate (against libm) and pinned to the bit (against digests of many values)."""
+"""exact.py is accurate (compared with libm), and its bits are pinned (by digests of many values)."""
 
 import hashlib
 import math
@@ -19,7 +19,7 @@ def test_sine_and_cosine_agree_with_libm(angle: float) -> None:
     assert exact.cos_deg(angle) == pytest.approx(math.cos(turned), abs=2e-15)
 
 
-# Without -0.0, whose side of the cut libm tells apart and plans cannot.
+# Without -0.0, which libm distinguishes at the branch cut and plans cannot represent.
 SIDES = st.floats(-1e3, 1e3).map(lambda value: value + 0.0)
 
 
@@ -44,13 +44,13 @@ def test_right_angles_are_exact() -> None:
 
 
 @pytest.mark.parametrize("x", [0.0, -1.0])
-def test_logarithm_refuses_what_has_none(x: float) -> None:
+def test_the_logarithm_of_other_values_is_an_error(x: float) -> None:
     with pytest.raises(ValueError, match="not positive"):
         exact.log(x)
 
 
 def test_bits_are_the_same_everywhere() -> None:
-    """The digest was taken on one machine; any other that differs in one bit of one value fails."""
+    """The digest was computed on one machine; a difference of one bit on another fails."""
     hasher = hashlib.sha256()
     for i in range(2000):
         a = (i - 1000) * 0.7310585

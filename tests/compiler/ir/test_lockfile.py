@@ -1,4 +1,4 @@
-"""The lockfile: one text for one meaning, and a clear word for a broken one."""
+"""The lockfile: one text per value, and clear errors for broken text."""
 
 import contextlib
 from dataclasses import replace
@@ -24,7 +24,7 @@ LOCK = Lockfile(
 )
 
 
-def test_text_and_value_are_one() -> None:
+def test_text_and_value_round_trip() -> None:
     assert lockfile.loads(LOCK.dumps(), "x.lock") == LOCK
     assert lockfile.loads(LOCK.dumps(), "x.lock").dumps() == LOCK.dumps()
 
@@ -33,7 +33,7 @@ def test_variants_keep_the_order_of_the_recipe() -> None:
     assert list(lockfile.loads(LOCK.dumps(), "x.lock").variants) == ["weather=wet,hour=#2", "base"]
 
 
-def test_equal_rows_are_not_written_again(tmp_path: Path) -> None:
+def test_a_file_with_equal_rows_is_not_rewritten(tmp_path: Path) -> None:
     path = tmp_path / "locks" / "x.lock"
     assert LOCK.write(path)
     before = path.stat()
@@ -48,17 +48,17 @@ def test_a_flipped_digit_breaks_the_seal() -> None:
     places = [i for i, c in enumerate(text) if c in "abcd0" and i > 20]
     for place in places[:: len(places) // 40]:
         flipped = text[:place] + ("e" if text[place] != "0" else "1") + text[place + 1 :]
-        with contextlib.suppress(InputError):  # a flip in a row's kind is refused outright
+        with contextlib.suppress(InputError):  # a changed kind of row is refused on reading
             assert not lockfile.loads(flipped, "x.lock").sealed
     assert lockfile.loads(text, "x.lock").sealed
 
 
-def test_labels_are_keyed_by_scene_and_rig_and_colour_by_all_three() -> None:
+def test_labels_are_keyed_by_scene_and_rig_and_colours_by_all_three() -> None:
     wet, dry = LOCK.variants.values()
     assert wet.frame_key("depth") == dry.frame_key("depth") != wet.frame_key("rgb") != dry.frame_key("rgb")
 
 
-def test_identity_moves_with_every_pixel_and_not_with_tools() -> None:
+def test_the_identity_covers_every_pixel_and_no_tools() -> None:
     changed = replace(LOCK, frames={**LOCK.frames, ("k" * 16, "street cam", "rgb", 7): A})
     assert changed.identity != LOCK.identity == replace(LOCK, tools={}).identity
 
@@ -82,7 +82,7 @@ def test_a_broken_lockfile_is_refused_with_its_line(text: str, says: str) -> Non
     assert str(caught.value).startswith(says)
 
 
-def test_a_missing_lockfile_says_what_writes_it(tmp_path: Path) -> None:
+def test_the_error_for_a_missing_lockfile_names_the_command_that_writes_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="`recipe lock` writes it"):
         lockfile.read(tmp_path / "none.lock")
 

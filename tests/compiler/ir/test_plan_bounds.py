@@ -1,4 +1,4 @@
-"""Every plan that compiles lies within the tables of `plan_bounds`, and what lies outside is refused."""
+"""Every compiled plan is within the tables of `plan_bounds`, and plans outside of them are refused."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def middle(kind: str) -> Element:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_outside_a_kinds_row_is_refused(kind: str) -> None:
+def test_an_element_outside_the_bounds_of_its_kind_is_refused(kind: str) -> None:
     element, row = middle(kind), KINDS[kind]
     assert list(plan_bounds.town_faults([element])) == []
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""Numbers of things read as a person would write them."""
+"""Counts with correct singular and plural forms."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def test_a_count_takes_the_form_of_its_number(number: int, reported: str) -> Non
     assert count(number, "frame") == reported
 
 
-def test_nouns_and_verbs_of_two_forms() -> None:
+def test_irregular_plurals() -> None:
     assert [count(n, "body", "bodies") for n in (1, 3)] == ["1 body", "3 bodies"]
     assert [form(n, "differs", "differ") for n in (0, 1, 2)] == ["differ", "differs", "differ"]
 
 
-def test_no_message_counts_what_may_be_one_with_a_fixed_plural() -> None:
-    """`1 scenes` came from an f-string such as `{len(scenes)} scenes`; what is over a limit is never one."""
+def test_no_message_has_a_fixed_plural_after_a_number() -> None:
+    """An f-string such as `{len(scenes)} scenes` gives `1 scenes`; numbers over a limit are never 1 and are exempt."""
     things = "variants|scenes|shards|frames|files|pictures|entries|bodies|images|annotations|actors"
     fixed = re.compile(rf"\{{(?:len\([^{{}}]*\)|[a-z_]+\.[a-z_.]+)(?::,)?\}} (?:{things})\b(?! (?:are|that|alone|and))")
     found = []

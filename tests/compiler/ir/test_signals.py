@@ -1,4 +1,4 @@
-"""Traffic lights: one light at any time, in the order of a cycle, for as long as the plan says."""
+"""Traffic lights: one light at any time, in the order and with the durations of the plan's cycle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_the_lights_have_their_order_and_lengths() -> None:
     assert signals.light(SHAPE, -37.0) == "green"  # during a warm-up
 
 
-def test_pedestrians_have_the_red_of_the_vehicles_less_the_time_to_cross() -> None:
+def test_pedestrians_may_walk_during_the_red_of_vehicles_except_at_its_end() -> None:
     walk = [tenth / 10 for tenth in range(440) if signals.may_walk(SHAPE, 7.0 + tenth / 10)]
     assert (walk[0], walk[-1]) == (18 + 3 + signals.WALK_DELAY, 43.9 - signals.WALK_CLEARANCE)
     assert signals.walk_left(SHAPE, 7.0 + 23.0) == 44.0 - signals.WALK_CLEARANCE - 23.0

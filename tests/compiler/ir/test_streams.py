@@ -1,4 +1,4 @@
-"""Streams must depend on their key alone, look random, and never change."""
+"""Streams depend only on their key, have the right statistics, and never change."""
 
 import hashlib
 from itertools import pairwise
@@ -23,7 +23,7 @@ def test_different_names_give_different_draws(seed: int, one: list[str], other: 
         assert Stream(seed, *one).bits() != Stream(seed, *other).bits()
 
 
-def test_names_do_not_run_into_each_other() -> None:
+def test_names_are_separated_in_the_key() -> None:
     assert Stream(1, "ab", "c").bits() != Stream(1, "a", "bc").bits() != Stream(1, "abc").bits()
 
 
@@ -50,7 +50,7 @@ def test_distributions_have_their_moments() -> None:
     assert min(counts) > 850
 
 
-def testnormal_quantile_is_monotonic_over_its_three_ranges() -> None:
+def test_the_normal_quantile_is_monotonic_over_its_three_ranges() -> None:
     from recipe_compiler.ir.streams import normal_quantile
 
     points = [10.0**-k for k in range(15, 1, -1)] + [0.02 * k for k in range(1, 50)]

@@ -1,4 +1,4 @@
-"""The library: its order, its globs, and that every blueprint has what its mesh needs."""
+"""The library: its order, its globs, and the tags and colours of every blueprint."""
 
 import re
 

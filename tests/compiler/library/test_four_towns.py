@@ -1,5 +1,5 @@
-"""All towns: nothing stands in a lane or where people walk, spawn points are on their ground, routes keep to the ways,
-parked cars leave the lanes free, and what a town's seed and size change and do not change."""
+"""All towns: lanes and footpaths are free, spawn points and routes are on the right ground, parked cars leave lanes
+free, and a town's seed and size change only what they should."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ CASES: list[tuple[str, dict[str, object]]] = [
     ("highway", {}),
     ("highway", {"lanes": 5, "length": 2, "gantries": 150}),
 ]
-FRONTED = {"building", "house", "wall"}  # the origin is at their front
+FRONTED = {"building", "house", "wall"}  # their origin is at their front
 LYING = {"ground", "road", "junction", "sidewalk", "path", "carriageway", "gantry"}
 all_towns = pytest.mark.parametrize("town", range(len(CASES)), ids=[str(case) for case in CASES], indirect=True)
 
 
 @cache
 def built(number: int) -> Town:
-    """The town of a case, built once."""
+    """Return the town of a case, built once."""
     name, params = CASES[number]
     return towns.build(name, 3, params)
 
@@ -70,7 +70,7 @@ def in_lane(town: Town, x: float, y: float) -> bool:
     if isinstance(town.streets, StreetGrid):
         grid = town.streets
         (x0, x1), (y0, y1) = grid.bounds
-        inside = x0 + 1.0 < x < x1 - 1.0 and y0 + 1.0 < y < y1 - 1.0  # dead ends have a rail across
+        inside = x0 + 1.0 < x < x1 - 1.0 and y0 + 1.0 < y < y1 - 1.0  # a rail closes a dead end
         return inside and (min(abs(x - s) for s in grid.xs) < LANE or min(abs(y - s) for s in grid.ys) < LANE)
     return any(abs(x - e.pose.x) < e.size[1] / 2 and abs(y - e.pose.y) <= e.size[0] / 2 for e in carriageways(town))
 
@@ -85,20 +85,20 @@ class Obstacles:
                 self._cells.setdefault((math.floor(x / 4), math.floor(y / 4)), []).append((x, y))
 
     def near(self, x: float, y: float) -> list[tuple[float, float]]:
-        """Those within four metres, and a few more."""
+        """Return those within 4 m, and a few more."""
         i, j = math.floor(x / 4), math.floor(y / 4)
         return [q for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for q in self._cells.get((a, b), ())]
 
 
 @pytest.mark.slow
 @all_towns
-def test_nothing_stands_in_a_lane(town: Town) -> None:
+def test_no_object_is_in_a_lane(town: Town) -> None:
     for e in standing(town):
         assert not any(in_lane(town, x, y) for x, y in corners(e)), e.name
 
 
 @all_towns
-def test_what_stands_on_a_block_stands_on_its_ground(town: Town) -> None:
+def test_objects_on_a_block_stand_on_its_ground(town: Town) -> None:
     for e in standing(town):
         if e.pose.z > 0.0:
             assert e.pose.z == KERB
@@ -118,8 +118,8 @@ def test_spawn_points_are_on_the_right_ground(town: Town) -> None:
 
 @pytest.mark.slow
 @all_towns
-def test_routes_meet_nothing_that_stands(town: Town) -> None:
-    """Routes keep away from objects: wheels by a metre, walkers by a shoulder's width."""
+def test_routes_meet_no_object(town: Town) -> None:
+    """Routes of vehicles keep a distance of 1 m from objects, those of pedestrians a shoulder's width."""
     solid = Obstacles(town)
     for n in range(40):
         category, room = (("vehicle", 1.0), ("pedestrian", 0.3))[n % 2]
@@ -138,7 +138,7 @@ def test_routes_meet_nothing_that_stands(town: Town) -> None:
 
 
 @all_towns
-def test_parked_cars_stand_clear_of_lanes_and_of_each_other(town: Town) -> None:
+def test_parked_cars_are_outside_lanes_and_do_not_touch(town: Town) -> None:
     places, obstacles = town.parking, Obstacles(town)
     assert bool(places) == (town.plan.name != "highway")
     for n, p in enumerate(places):
@@ -153,28 +153,28 @@ def test_parked_cars_stand_clear_of_lanes_and_of_each_other(town: Town) -> None:
 
 
 @all_towns
-def test_its_name_is_its_own_and_its_colours_are_there(town: Town) -> None:
+def test_names_are_unique_and_every_slot_has_a_colour(town: Town) -> None:
     names = [e.name for e in town.plan.elements]
     assert len(set(names)) == len(names)
     assert set(names) == set(town.looks)
 
 
 @pytest.mark.parametrize("case", range(len(CASES)), ids=[str(case) for case in CASES])
-def test_the_number_of_elements_is_known_beforehand(case: int) -> None:
+def test_the_number_of_elements_is_estimated(case: int) -> None:
     there = len(built(case).plan.elements)
     assert 0.7 * there < towns.elements(*CASES[case]) < 1.6 * there
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
-def test_a_seed_makes_another_town_and_the_same_one_again(name: str) -> None:
+def test_a_seed_determines_the_town(name: str) -> None:
     one, again, other = (towns.build(name, seed, {}) for seed in (1, 1, 2))
     assert (one.plan, one.looks) == (again.plan, again.looks)
     assert one.plan.digest == again.plan.digest != other.plan.digest
 
 
-def test_more_gardens_shift_no_other() -> None:
-    """Another row of blocks adds to the suburb: what bears the same name keeps its draws."""
+def test_additional_gardens_do_not_change_the_others() -> None:
+    """After adding a row of blocks to the suburb, elements with the same name have the same random draws."""
     small, large = (towns.build("suburb", 5, {"blocks": [2, n]}) for n in (1, 2))
     before, after = ({e.name: e for e in town.plan.elements} for town in (small, large))
     houses = [n for n in before if n.startswith(("house.0.0.", "house.-1.0.", "tree.0.0."))]
@@ -204,7 +204,7 @@ def test_the_suburbs_grid_has_no_parking_in_its_streets() -> None:
     assert town.parking and all(town.ground(p.x, p.y) == KERB for p in town.parking)
 
 
-def test_a_path_over_the_square_stays_on_it() -> None:
+def test_a_route_across_the_square_stays_on_it() -> None:
     town = built(CASES.index(("plaza", {})))
     start = next(p for p in town.spots["pedestrian"] if abs(p.x) < 20 and abs(p.y) < 20)
     for n in range(20):

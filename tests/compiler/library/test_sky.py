@@ -51,13 +51,13 @@ def test_there_are_23_presets_of_14_numbers() -> None:
     assert all(tuple(numbers) == weather.PARAMETERS for numbers in weather.PRESETS.values())
 
 
-def test_unset_marks_become_the_engines_defaults() -> None:
+def test_unset_values_become_the_engines_defaults() -> None:
     for name in weather.PRESETS:
         assert weather.UNSET not in weather.preset(name).values()
     assert weather.preset("Default")["sun_altitude_angle"] == 75
     assert weather.preset("Default")["fog_falloff"] == 0.2
     scattering = ("scattering_intensity", "mie_scattering_scale", "rayleigh_scattering_scale")
-    assert [weather.preset("Default")[p] for p in scattering] == [1.0, 0.03, 0.0331]  # these CARLA does set
+    assert [weather.preset("Default")[p] for p in scattering] == [1.0, 0.03, 0.0331]  # CARLA sets these
     assert weather.preset("ClearNoon")["sun_azimuth_angle"] == 0
 
 
@@ -69,7 +69,7 @@ def test_no_weather_is_the_default_preset() -> None:
 
 
 @pytest.mark.parametrize(("carla", "ours"), [(0, 0), (90, 270), (360, 0), (45.5, 314.5)])
-def test_carlas_azimuth_runs_the_other_way(carla: float, ours: float) -> None:
+def test_carlas_azimuth_is_clockwise(carla: float, ours: float) -> None:
     where = only(small(weather={"sun_azimuth_angle": carla, "sun_altitude_angle": 10})).appearance.sun
     assert (where.azimuth, where.altitude) == (ours, 10)
 
@@ -102,13 +102,13 @@ def test_the_default_place_has_day_dusk_and_night() -> None:
     assert noon > 50 and -3 < dusk < 3 and night < -18
 
 
-def test_sun_is_reported_to_a_hundredth_so_that_no_last_bit_shows() -> None:
+def test_the_suns_position_is_rounded_to_a_hundredth_of_a_degree() -> None:
     azimuth, altitude = sun.from_time("10:17", date="2022-08-12", latitude=49.0, longitude=8.0, utc_offset=None)
     assert (azimuth, altitude) == (round(azimuth, 2), round(altitude, 2))
     assert sun.wrapped(-0.001) == 0.0 and sun.wrapped(359.999) == 0.0
 
 
-def test_an_angle_by_hand_wins_over_time_and_time_over_a_preset() -> None:
+def test_an_explicit_angle_overrides_time_and_time_overrides_a_preset() -> None:
     reported = only(small(time="15:00")).appearance.sun
     by_hand = only(small(time="15:00", weather={"preset": "ClearSunset", "sun_altitude_angle": 10})).appearance.sun
     assert (by_hand.azimuth, by_hand.altitude) == (reported.azimuth, 10)

@@ -1,4 +1,4 @@
-"""Towns: properties of their layout, and draws keyed by name."""
+"""Towns: properties of the layout, and random draws keyed by name."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def test_names_are_unique_and_every_element_has_its_colours() -> None:
     assert set(names) == set(TOWN.looks)
 
 
-def test_more_blocks_shift_no_draw_of_the_rest() -> None:
-    """One more row of blocks: everything with the same name, walls and skyline apart, is the same."""
+def test_additional_blocks_do_not_change_the_others() -> None:
+    """After adding a row of blocks, elements with the same name are equal, except walls and the skyline."""
     before, after = (
         rows(towns.build("downtown", 7, {"blocks": [2, 1]})),
         rows(towns.build("downtown", 7, {"blocks": [2, 2]})),
@@ -54,7 +54,7 @@ def test_wall_0_closes_the_gap_opposite_the_street_camera() -> None:
         assert wall.pose.yaw == 180
 
 
-def test_nothing_stands_where_people_walk_mid_block() -> None:
+def test_footpaths_along_a_block_are_free() -> None:
     for e in TOWN.plan.elements:
         if e.kind in ("tree", "lamp", "bench", "bin", "bus_stop", "planter", "hydrant", "sign") and abs(e.pose.y) < 11:
             assert not 3.7 < abs(e.pose.x) < 9
@@ -111,7 +111,7 @@ def test_vehicles_keep_right() -> None:
     assert point.pose.yaw in (0, 90, 180, 270)
 
 
-def test_a_route_depends_on_its_stream_alone() -> None:
+def test_a_route_depends_only_on_its_stream() -> None:
     start = Pose(x=1.5, y=0, yaw=90)
     one = [TOWN.route("vehicle", start, 300.0, Stream(0, "a")) for _ in range(2)]
     assert one[0] == one[1] != TOWN.route("vehicle", start, 300.0, Stream(0, "b"))

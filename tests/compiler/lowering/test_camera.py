@@ -1,4 +1,4 @@
-"""A camera's keys: which plan each belongs to, and what `enable_postprocess_effects` turns off."""
+"""Keys of a camera: the plan that each belongs to, and what `enable_postprocess_effects` turns off."""
 
 from __future__ import annotations
 
@@ -44,28 +44,28 @@ def having(**camera: Any) -> ScenarioPlan:
     return only(recipe)
 
 
-def test_every_key_is_tried_here() -> None:
+def test_every_key_is_tested_here() -> None:
     assert {*PIXELS, *COLOURS} == set(Camera.model_fields)
     assert set(PIXELS) == set(CameraPlan.model_fields)
     assert set(COLOURS) - {"enable_postprocess_effects"} == set(CameraResponse.model_fields)
 
 
 @pytest.mark.parametrize("key", PIXELS)
-def test_what_a_pixel_hits_is_the_rigs(key: str) -> None:
+def test_keys_that_affect_geometry_belong_to_the_rig(key: str) -> None:
     plain, changed = having(), having(**{key: PIXELS[key]})
     assert plain.rig.digest != changed.rig.digest
     assert (plain.scene.digest, plain.appearance.digest) == (changed.scene.digest, changed.appearance.digest)
 
 
 @pytest.mark.parametrize("key", COLOURS)
-def test_what_colour_it_has_is_the_appearances(key: str) -> None:
+def test_keys_that_affect_only_colour_belong_to_the_appearance(key: str) -> None:
     plain, changed = having(), having(**{key: COLOURS[key]})
     assert plain.appearance.digest != changed.appearance.digest
     assert plain.observation == changed.observation
 
 
-def test_defaults_are_written_once() -> None:
-    """The language and the plans agree on what an absent key means."""
+def test_defaults_of_recipes_and_plans_agree() -> None:
+    """An absent key has the same meaning in both."""
     camera, response, pixels = Camera(), CameraResponse(), CameraPlan(width=800, height=600, fov=90)
     assert {k: getattr(camera, k) for k in CameraResponse.model_fields} == response.model_dump()
     assert {k: getattr(camera, k) for k in CameraPlan.model_fields} == pixels.model_dump()

@@ -1,4 +1,4 @@
-"""Warnings of values that are valid but probably mistakes; common values cause none."""
+"""Warnings for valid values that are probably mistakes; common values cause none."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.compiler.kitchen import compiled, small
 
 
 def warned(actors: dict[str, Any] | None = None, **mount: Any) -> list[str]:
-    """The warnings of a recipe with such actors, or one whose street camera has such a mount."""
+    """Return the warnings of a recipe with the given actors or mount of the street camera."""
     recipe = small(**({"actors": actors} if actors else {}))
     recipe["base"]["sensors"]["street"]["mount"] |= mount
     warnings = compiled(recipe).warnings
@@ -30,11 +30,11 @@ def at(x: float, y: float, yaw: float = 0.0, blueprint: str = "walker.pedestrian
     [
         (at(-4, 3), at(-4, 3)),
         (at(-4, 3), at(-4.3, 3.2)),
-        (at(0, 0, 90, "vehicle.sedan.a"), at(0, 4, 90, "vehicle.sedan.a")),  # bumper in boot
+        (at(0, 0, 90, "vehicle.sedan.a"), at(0, 4, 90, "vehicle.sedan.a")),  # a bumper in a boot
         (at(0, 0, 90, "vehicle.bus.city"), at(0.9, 4.0)),  # beside the driver's seat
     ],
 )
-def test_a_start_in_another_body_is_warned_of(one: dict[str, Any], other: dict[str, Any]) -> None:
+def test_a_start_in_another_body_causes_a_warning(one: dict[str, Any], other: dict[str, Any]) -> None:
     assert warned({"one": one, "other": other}) == [
         "actors.other.start: its body overlaps the body of one; move one of them"
     ]
@@ -49,23 +49,23 @@ def test_a_start_in_another_body_is_warned_of(one: dict[str, Any], other: dict[s
         (at(0, 0, 90, "vehicle.bus.city"), at(2.0, 4.5)),
     ],
 )
-def test_bodies_side_by_side_are_not(one: dict[str, Any], other: dict[str, Any]) -> None:
+def test_bodies_side_by_side_cause_no_warning(one: dict[str, Any], other: dict[str, Any]) -> None:
     assert warned({"one": one, "other": other}) == []
 
 
 @pytest.mark.parametrize("way", [{"goal": {"x": 900, "y": 0}}, {"route": [{"x": 0, "y": 9}, {"x": 0, "y": 900}]}])
-def test_a_goal_far_outside_the_town_is_warned_of(way: dict[str, Any]) -> None:
+def test_a_goal_far_outside_the_town_causes_a_warning(way: dict[str, Any]) -> None:
     (message,) = warned({"car": {**at(1.5, 0, 90, "vehicle.sedan.a"), **way}})
     assert message.startswith(f"actors.car.{next(iter(way))}: leads far out of the town, whose bounds are x ")
 
 
-def test_a_start_far_outside_the_town_is_warned_of() -> None:
+def test_a_start_far_outside_the_town_causes_a_warning() -> None:
     (message,) = warned({"lost": at(900, 0)})
     assert message.startswith("actors.lost.start: is far outside the town, whose bounds are x ")
     assert warned({"near": at(100, 0)}) == []
 
 
-def test_a_camera_in_the_ground_is_warned_of() -> None:
+def test_a_camera_in_the_ground_causes_a_warning() -> None:
     assert warned(z=-1) == ["sensors.street: z is -1, not above the ground, which is at 0.15; raise the mount"]
     assert warned(z=0.1, x=-5)[0].startswith("sensors.street: z is 0.1, not above the ground")  # below the kerb's top
     assert warned(z=0.1, x=0) == []
@@ -73,12 +73,12 @@ def test_a_camera_in_the_ground_is_warned_of() -> None:
     assert warned(on="hero1", z=0.1) == []
 
 
-def test_a_camera_in_a_house_is_warned_of() -> None:
+def test_a_camera_in_a_house_causes_a_warning() -> None:
     (message,) = warned(x=-14, y=-19, z=6)
     assert message.startswith("sensors.street: it is inside building.")
     assert message.endswith(", which has no interior; move the mount")
     assert warned(x=-14, y=-19, z=60) == []  # above the roofs
-    assert warned(x=-8, y=-19, z=6) == []  # before the front
+    assert warned(x=-8, y=-19, z=6) == []  # in front of the facade
     recipe = small(clock={"fps": 10, "frames": 30})
     recipe["base"]["sensors"]["street"] |= {
         "mount": {"x": -6, "y": -19, "z": 3, "yaw": 180},
@@ -88,7 +88,7 @@ def test_a_camera_in_a_house_is_warned_of() -> None:
     assert " at frame 8, which has no interior" in warning.message
 
 
-def test_a_camera_that_sinks_into_the_ground_is_warned_of_once() -> None:
+def test_a_camera_that_sinks_into_the_ground_causes_one_warning() -> None:
     recipe = small(clock={"fps": 10, "frames": 30})
     recipe["base"]["sensors"]["street"] |= {"motion": {"linear": {"to": {"z": -2}, "speed": 2}}}
     recipe["deltas"] = {"weather": {"dry": {}, "wet": {"weather": "WetNoon"}}}
@@ -96,15 +96,15 @@ def test_a_camera_that_sinks_into_the_ground_is_warned_of_once() -> None:
     assert "at frame 8" in warning.message
 
 
-def test_a_start_in_a_closed_yard_is_warned_of() -> None:
+def test_a_start_in_a_closed_yard_causes_a_warning() -> None:
     yard = "actors.lost.start: it is in a yard enclosed by buildings and walls, which the actor cannot leave; "
     (message,) = warned({"lost": at(36, 0)})
     assert message.startswith(yard)
-    assert warned({"home": {**at(36, 0), "goal": {"x": 34, "y": 3}}}) == []  # its way stays within
+    assert warned({"home": {**at(36, 0), "goal": {"x": 34, "y": 3}}}) == []  # its route stays inside
 
 
 @pytest.mark.parametrize("name", towns.NAMES)
-def test_places_where_the_town_lets_actors_start_are_free_and_not_enclosed(name: str) -> None:
+def test_spawn_points_are_free_and_not_enclosed(name: str) -> None:
     town = towns.build(name, 0, {})
     yards = enclosures.Yards(town)
     poses = [*(point.pose for point in town.spawn_points[::5]), *town.parking[::5]]
@@ -113,24 +113,24 @@ def test_places_where_the_town_lets_actors_start_are_free_and_not_enclosed(name:
 
 
 def driven(actor: dict[str, Any], frames: int = 80, **props: Any) -> list[str]:
-    """The warnings of a clip of eight seconds with a vehicle."""
+    """Return the warnings of a clip of 8 s with a vehicle."""
     recipe = small(actors={"it": actor}, clock={"fps": 10, "frames": frames}, props=props)
     return [str(warning).partition(": ")[2] for warning in compiled(recipe).warnings]
 
 
-def test_a_line_of_a_vehicle_through_a_building_is_warned_of() -> None:
-    """A vehicle drives straight to its goal: against a building, it would stand there for the rest of the clip."""
+def test_a_straight_route_of_a_vehicle_through_a_building_causes_a_warning() -> None:
+    """A vehicle drives straight to its goal; at a building, it would stand for the rest of the clip."""
     car = {**at(1.5, 0, 90, "vehicle.sedan.a"), "speed": 8}
     (message,) = driven({**car, "goal": {"x": 61.5, "y": 1}})
     assert message.startswith("actors.it.goal: the straight line to it meets ") and " at x: " in message
     assert message.endswith("; lead it round, with waypoints as `route`")
     (message,) = driven({**car, "route": [{"x": 1.5, "y": 9}, {"x": 61.5, "y": 9}]})
     assert message.startswith("actors.it.route[1]: the straight line to it meets building.")
-    assert driven({**car, "goal": {"x": 61.5, "y": 1}}, frames=2) == []  # the clip ends before
+    assert driven({**car, "goal": {"x": 61.5, "y": 1}}, frames=2) == []  # the clip ends earlier
 
 
-def test_a_vehicle_is_as_wide_as_its_body_on_its_line() -> None:
-    """A board beside the line: a bus touches it, a bicycle passes."""
+def test_the_width_of_a_vehicle_counts() -> None:
+    """A bus touches a board beside its straight route, a bicycle passes."""
     board = {"size": {"width": 0.4, "height": 1.5}, "at": {"x": 1.1, "y": 0, "yaw": 0}}
     way = {"speed": 5, "goal": {"x": 0, "y": 10}}
     (message,) = driven({**at(0, -8, 90, "vehicle.bus.city"), **way}, board=board)
@@ -138,7 +138,7 @@ def test_a_vehicle_is_as_wide_as_its_body_on_its_line() -> None:
     assert driven({**at(0, -8, 90, "vehicle.bicycle.*"), **way}, board=board) == []
 
 
-def test_a_line_along_a_lane_and_a_vehicle_that_stands_are_not() -> None:
+def test_a_route_along_a_lane_and_a_standing_vehicle_cause_no_warning() -> None:
     car = at(1.5, 0, 90, "vehicle.sedan.a")
     assert driven({**car, "speed": 8, "goal": {"x": 1.5, "y": 40}}) == []
     assert driven({**car, "speed": 0, "goal": {"x": 61.5, "y": 1}}) == []

@@ -1,4 +1,4 @@
-"""Patches in recipes: which parts are scene and which appearance, their positions, and errors."""
+"""Patches in recipes: parts of the scene and of the appearance, positions, and errors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def refused(folder: Path, patch: dict[str, Any], **base: Any) -> str:
     return " ".join(str(caught.value).split())
 
 
-def test_a_patch_changes_the_appearance_alone(tmp_path: Path) -> None:
+def test_a_patch_changes_only_the_appearance(tmp_path: Path) -> None:
     """Mode, texture, position and gloss of a patch change neither scene nor rig."""
     changes: dict[str, Any] = {
         "green": {"mode": "green"},
@@ -76,7 +76,7 @@ def test_a_board_is_part_of_the_scene_and_its_texture_is_not(tmp_path: Path) -> 
     (prop,), (patch,) = plain.scene.props, plain.appearance.patches
     assert prop.name == patch.body == "patch.poster"
     assert (patch.faces[0].width, patch.faces[0].height) == (1.0, 0.5)
-    # It faces +y from y = 2.01, and its right, seen from there, is -x.
+    # It faces +y from y = 2.01; seen from there, -x is to the right.
     for found, wanted in zip(
         patch.faces[0].corners, ((-3.5, 0.65), (-4.5, 0.65), (-4.5, 0.15), (-3.5, 0.15)), strict=True
     ):
@@ -106,7 +106,7 @@ def test_textures_are_pinned_and_listed_as_files_of_the_recipe(tmp_path: Path) -
     assert "is another file" in refused(tmp_path, other)
 
 
-def test_a_sequence_has_an_image_a_frame(tmp_path: Path) -> None:
+def test_a_sequence_has_one_image_per_frame(tmp_path: Path) -> None:
     patch = patch_of(tmp_path, {"on": WALL, "texture": {"frames": "frames"}})
     assert patch.changes and len(patch.texture.frames) == 4, "as many as the clip has frames"
     assert patch.shown.at(2) == patch.texture.frames[2] and len(set(patch.texture.frames)) == 4

@@ -16,7 +16,7 @@ from tests.compiler.kitchen import compiled, only, small
 
 
 class GroundPlan:
-    """A vehicle or pedestrian from above, as points a quarter of a metre apart."""
+    """A vehicle or pedestrian from above, as points 0.25 m apart."""
 
     def __init__(self, pose: Pose, length: float, width: float) -> None:
         self.pose, self.half = pose, (length / 2, width / 2)
@@ -27,7 +27,7 @@ class GroundPlan:
         self.points = np.stack([pose.x + u * np.cos(yaw) - v * np.sin(yaw), pose.y + u * np.sin(yaw) + v * np.cos(yaw)])
 
     def overlaps(self, other: GroundPlan) -> bool:
-        """Whether a point of the other one lies in this one."""
+        """Return whether a point of the other one lies in this one."""
         yaw = np.radians(self.pose.yaw)
         dx, dy = other.points[0] - self.pose.x, other.points[1] - self.pose.y
         u, v = dx * np.cos(yaw) + dy * np.sin(yaw), dy * np.cos(yaw) - dx * np.sin(yaw)
@@ -40,7 +40,7 @@ def ground_plan(actor: ActorPlan) -> GroundPlan:
     return GroundPlan(actor.start, actor.shape["length"], actor.shape["width"])
 
 
-def test_nobody_starts_inside_another() -> None:
+def test_no_actor_starts_inside_another() -> None:
     recipe = small(town="downtown", traffic={"vehicles": 30, "pedestrians": 60})
     for index in range(20):
         recipe["base"]["actors"][f"walker{index}"] = {"blueprint": "walker.pedestrian.*"}
@@ -51,13 +51,13 @@ def test_nobody_starts_inside_another() -> None:
             assert not one.overlaps(other) and not other.overlaps(one)
 
 
-def test_a_start_that_is_given_is_kept_and_stands_on_the_ground() -> None:
+def test_an_explicit_start_is_used_and_placed_on_the_ground() -> None:
     hero = only(small()).scene.actors[0]
     assert (hero.start.x, hero.start.y, hero.start.yaw) == (-4, 10, -90)  # towards its goal
-    assert hero.start.z > 0  # the kerb's height
+    assert hero.start.z > 0  # the height of the kerb
 
 
-def test_who_does_not_move_has_no_way_to_go() -> None:
+def test_an_actor_that_does_not_move_has_no_route() -> None:
     recipe = small()
     recipe["base"]["actors"]["hero1"]["speed"] = 0
     hero = only(recipe).scene.actors[0]
@@ -78,7 +78,7 @@ def test_an_actor_has_the_same_number_in_every_variant() -> None:
     assert (numbers["traffic.pedestrian.1"], numbers["traffic.vehicle.1"]) == ({501}, {751})
 
 
-def test_numbers_are_unique_up_to_the_last() -> None:
+def test_instance_numbers_are_unique_up_to_the_limit() -> None:
     numbers = instance_numbers([f"a{n}" for n in range(299)], [f"d{n}" for n in range(100)])
     assert sorted(numbers.values()) == list(range(1, 400))
     with pytest.raises(ValueError, match="the limit of 299 actors is exceeded, 300"):
@@ -93,7 +93,7 @@ def test_too_many_actors_are_refused_with_a_remedy() -> None:
         compiled(recipe)
 
 
-def test_looks_are_kept_where_they_are_given_and_change_no_scene() -> None:
+def test_explicit_looks_are_used_and_do_not_change_the_scene() -> None:
     plain, dressed = small(), small()
     dressed["base"]["actors"]["hero1"]["look"] = {"shirt": "#AA0000"}
     before, after = only(plain), only(dressed)
@@ -108,13 +108,13 @@ def traffic_of(**traffic: Any) -> list[ActorPlan]:
     return [actor for actor in only(recipe).scene.actors if actor.name.startswith("traffic.")]
 
 
-def test_one_more_actor_of_the_traffic_changes_no_other() -> None:
+def test_an_additional_actor_of_the_traffic_changes_no_other() -> None:
     few, more = traffic_of(vehicles=8, pedestrians=8), traffic_of(vehicles=9, pedestrians=9, parked=2)
     by_name = {actor.name: actor for actor in more}
     assert all(by_name[actor.name] == actor for actor in few)
 
 
-def test_a_density_is_a_number_by_the_length_of_the_streets() -> None:
+def test_a_density_gives_a_number_by_the_length_of_the_streets() -> None:
     town = towns.build("downtown", 0, {})
     actors = traffic_of(density={"vehicles": 10, "pedestrians": 5})
     lane = sum(2 * e.size[0] for e in town.plan.elements if e.kind == "road") / 1000
@@ -122,7 +122,7 @@ def test_a_density_is_a_number_by_the_length_of_the_streets() -> None:
     assert sum(a.category == "pedestrian" for a in actors) == round(5 * lane)
 
 
-def test_a_mix_says_which_vehicles_there_are() -> None:
+def test_a_mix_determines_the_types_of_vehicles() -> None:
     mix = {"vehicle.sedan.*": 3, "vehicle.bus.city": 1, "walker.pedestrian.0001": 1}
     actors = traffic_of(vehicles=60, pedestrians=4, mix=mix)
     kinds = [a.blueprint for a in actors if a.category == "vehicle"]
@@ -131,7 +131,7 @@ def test_a_mix_says_which_vehicles_there_are() -> None:
     assert {a.blueprint for a in actors if a.category == "pedestrian"} == {"walker.pedestrian.0001"}
 
 
-def test_traffic_has_a_seed_of_its_own() -> None:
+def test_traffic_can_have_its_own_seed() -> None:
     recipe = small(traffic={"vehicles": 4, "seed": 7})
     other = copy.deepcopy(recipe) | {"seed": 31}
     of = [[a for a in only(r).scene.actors if a.name.startswith("traffic.")] for r in (recipe, other)]
@@ -162,7 +162,7 @@ def test_an_actor_with_a_start_is_held_through_the_warm_up() -> None:
     assert only(small(traffic={"parked": 1})).scene.clock.warmup == 0.0
 
 
-def test_a_longer_clip_has_the_routes_of_the_shorter_one_and_goes_on() -> None:
+def test_a_longer_clip_extends_the_routes_of_the_shorter_one() -> None:
     short, long = (only(small(clock={"fps": 10, "frames": frames})).scene for frames in (10, 2000))
     for one, other in zip(short.actors, long.actors, strict=True):
         assert other.route[: len(one.route)] == one.route
@@ -178,19 +178,19 @@ def test_a_longer_clip_has_the_routes_of_the_shorter_one_and_goes_on() -> None:
         ({"mix": {"vehicle.*": 0}}, "traffic.mix"),
     ],
 )
-def test_broken_traffic_is_refused(traffic: dict[str, Any], message: str) -> None:
+def test_invalid_traffic_is_refused(traffic: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as caught:
         only(small(traffic=traffic))
     assert message in str(caught.value)
 
 
-def test_a_sensor_on_traffic_that_there_is_not_is_refused() -> None:
+def test_a_sensor_on_an_unknown_actor_of_the_traffic_is_refused() -> None:
     recipe = small(traffic={"density": {"vehicles": 1}})
     recipe["base"]["sensors"]["street"]["mount"] = {"on": "traffic.vehicle.200"}
     with pytest.raises(InputError, match=r"there is no actor \"traffic.vehicle.200\"; the traffic has fewer"):
         only(recipe)
 
 
-def test_the_plaza_takes_thirty_vehicles() -> None:
+def test_the_plaza_has_room_for_thirty_vehicles() -> None:
     recipe = small(actors={}, town="plaza", traffic={"vehicles": 30})
     assert len(only(recipe).scene.actors) == 30

@@ -1,4 +1,4 @@
-"""Warnings of values that are valid and improbable, and no warnings of the mounts that the blueprints recommend."""
+"""Warnings for valid but improbable values; mounts that the blueprints recommend cause none."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_camera_inside_its_carrier_is_reported_with_a_remedy() -> None:
 
 
 @pytest.mark.parametrize("blueprint", CARRIED, ids=lambda blueprint: blueprint.id)
-def test_the_mount_that_a_blueprint_recommends_is_outside_and_the_middle_is_inside(blueprint: Any) -> None:
+def test_a_recommended_mount_is_outside_and_the_centre_is_inside_a_vehicle(blueprint: Any) -> None:
     carrier, _ = specimen(blueprint)
     mount = dashcam_mount(blueprint.shape)
     assert mount is not None

@@ -1,4 +1,4 @@
-"""Props: what of them is scene and what is appearance, where they stand, and which files a recipe rests on."""
+"""Props: parts of the scene and of the appearance, positions, and the files of a recipe."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_images_and_looks_are_appearance_and_meshes_are_scene(tmp_path: Path) ->
     assert found["place"].appearance.digest == plain.appearance.digest
 
 
-def test_the_plan_names_files_by_content_alone(tmp_path: Path) -> None:
+def test_the_plan_identifies_files_by_content_only(tmp_path: Path) -> None:
     props = {"thing": {"asset": "skinned", "at": AT}}
     deep = tmp_path / "elsewhere"
     deep.mkdir()
@@ -112,7 +112,7 @@ def test_a_prop_stands_on_the_ground_unless_its_height_is_given(tmp_path: Path) 
     assert (on_road.low, on_road.high) == ((0.0, 0.0, -0.5), (2.0, 2.0, 1.5))
 
 
-def test_the_good_case_reads_as_it_says() -> None:
+def test_the_plan_of_the_good_case_is_as_expected() -> None:
     plans = compile_recipe(GOOD)
     found = {v.variant: v for v in plans.plan.variants}
     shown = found["poster=shown,wedge=there"]
@@ -143,7 +143,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
         compiled(tmp_path, {}, pipe={"mesh": "pipe.obj"})
 
 
-def test_a_file_over_the_limit_is_not_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_over_the_limit_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(asset_files, "MESH_BYTES", 100)
     with pytest.raises(InputError, match="is larger than 100 bytes, the limit for a mesh"):
         compiled(tmp_path, {})
@@ -162,7 +162,7 @@ def test_all_assets_together_are_bounded(
 def test_after_a_few_invalid_files_the_others_are_not_read(
     limit: str, most: int, read: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Decoding a file before it is refused may take seconds, and a recipe may name one file a hundred times."""
+    """Decoding a file may take seconds before it is refused, and a recipe may name a file a hundred times."""
     monkeypatch.setattr(asset_files, limit, most)
     (tmp_path / "bad.png").write_bytes(b"not a PNG.")
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""Walking routes: around obstacles, straight where free, and no start or goal inside an obstacle."""
+"""Walking routes: around obstacles, straight where free, and without a start or goal inside an obstacle."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ boxes = st.builds(box, st.floats(-8, 8), st.floats(-8, 8), st.floats(0, 360), st
 
 @given(obstacles=st.lists(boxes, max_size=12), start=st.tuples(st.floats(-12, 12), st.floats(-12, 12)))
 @settings(max_examples=60, deadline=None)
-def test_a_way_keeps_its_distance_to_all_obstacles(obstacles: list[Obstacle], start: tuple[float, float]) -> None:
+def test_a_route_keeps_its_distance_from_all_obstacles(obstacles: list[Obstacle], start: tuple[float, float]) -> None:
     planner, goal = Planner(ObstacleMap(obstacles)), (0.0, 11.0)
     if not (planner.clear(*start) and planner.clear(*goal)):
         return
@@ -75,7 +75,7 @@ def test_a_way_keeps_its_distance_to_all_obstacles(obstacles: list[Obstacle], st
 
 @given(obstacles=st.lists(boxes, max_size=12))
 @settings(max_examples=30, deadline=None)
-def test_a_free_way_is_straight_and_ways_are_the_same_in_both_directions(obstacles: list[Obstacle]) -> None:
+def test_a_free_route_is_straight_and_routes_are_equal_in_both_directions(obstacles: list[Obstacle]) -> None:
     planner, a, b = Planner(ObstacleMap(obstacles)), (-11.0, -11.0), (11.0, 11.0)
     there, back = planner.shortest_path(a, b), planner.shortest_path(b, a)
     if not any(o.meets((*a, *b), CLEARANCE) for o in obstacles):
@@ -86,14 +86,14 @@ def test_a_free_way_is_straight_and_ways_are_the_same_in_both_directions(obstacl
         assert length[0] == pytest.approx(length[1], abs=1e-4)
 
 
-def test_the_way_round_a_box_is_the_shorter_one() -> None:
+def test_the_route_around_a_box_is_the_shorter_one() -> None:
     planner = Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]))
     points = planner.shortest_path((-5.0, 0.0), (5.0, 0.0))
     assert points is not None
     assert [(round(x, 1), round(y, 1)) for x, y in points] == [(-1.4, -1.9), (1.4, -1.9), (5.0, 0.0)]
 
 
-def test_no_way_leads_into_a_closed_ring() -> None:
+def test_no_route_leads_into_a_closed_ring() -> None:
     ring = [
         box(4 * math.cos(a), 4 * math.sin(a), math.degrees(a), 0.3, 2.0) for a in (k * math.pi / 4 for k in range(8))
     ]
@@ -120,7 +120,7 @@ def test_the_work_of_a_whole_recipe_is_bounded() -> None:
         huge.nearest_free(0.0, 0.0, work=Work(100_000))
 
 
-def test_a_recipe_whose_routes_take_too_long_is_refused_unless_it_may_be_large(
+def test_a_recipe_whose_routes_take_too_long_is_refused_without_allow_large(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     path = tmp_path / "recipe.yaml"
@@ -166,12 +166,12 @@ def test_the_nearest_free_place_is_free(name: str) -> None:
         assert not planner.clear(x, y) or math.dist(free, (x, y)) < 0.2
 
 
-def test_a_straight_way_stays_straight() -> None:
+def test_a_straight_route_stays_straight() -> None:
     plan = named(scene(actors={"hero": walker(-4, 5, goal={"x": -4, "y": -5})}))["hero"]
     assert way(plan) == [(-4.0, 5.0), (-4.0, -5.0)]
 
 
-def test_a_board_in_the_way_is_passed_and_a_standing_van_too() -> None:
+def test_routes_lead_around_a_board_and_a_standing_van() -> None:
     prop = {"board": {"size": {"width": 2, "height": 2}, "at": {"x": -5, "y": 0, "yaw": 90}}}
     plan = named(scene(actors={"hero": walker(-5, 5, goal={"x": -5, "y": -5})}, props=prop))["hero"]
     assert len(plan.route) > 1
@@ -181,7 +181,7 @@ def test_a_board_in_the_way_is_passed_and_a_standing_van_too() -> None:
     assert max(abs(y) for _, y in way(plan)) > 2.5
 
 
-def test_a_route_keeps_its_waypoints_and_goes_round_between_them() -> None:
+def test_a_route_has_its_waypoints_and_avoids_obstacles_between_them() -> None:
     corners = [(-5.0, 20.0), (-24.0, 33.0), (-5.0, 20.0)]
     plan = named(scene(actors={"hero": walker(-5, -20, route=[{"x": x, "y": y} for x, y in corners])}))["hero"]
     assert [point for point in way(plan) if point in corners] == corners
@@ -198,7 +198,7 @@ def test_a_route_keeps_its_waypoints_and_goes_round_between_them() -> None:
     ],
 )
 def test_a_place_inside_a_building_is_refused_with_the_nearest_free_one(actor: dict[str, Any], label: str) -> None:
-    """The actor would be invisible, or walk on the spot at the wall."""
+    """Otherwise the actor would be invisible or walk on the spot at the wall."""
     message = refused(actors={"lost": actor})
     assert f"actors.lost.{label}: it is inside building." in message
     assert "; the nearest free point is x: " in message
@@ -231,7 +231,7 @@ def crowd(name: str = "downtown", count: int = 60, frames: int = 300) -> ScenePl
 
 
 @pytest.mark.parametrize("name", towns.NAMES)
-def test_traffic_walks_round_furniture(name: str) -> None:
+def test_pedestrians_of_the_traffic_walk_around_furniture(name: str) -> None:
     obstacles = towns.build(name, 0, {}).obstacles
     for actor in crowd(name).actors:
         if actor.companion is None:
@@ -239,7 +239,7 @@ def test_traffic_walks_round_furniture(name: str) -> None:
                 assert not obstacles.across((ax, ay, bx, by), CLEARANCE - 0.01)
 
 
-def test_traffic_pauses_runs_and_walks_in_pairs() -> None:
+def test_pedestrians_of_the_traffic_pause_run_and_walk_in_pairs() -> None:
     actors = [
         a
         for seed in range(3)
@@ -265,7 +265,7 @@ def test_traffic_pauses_runs_and_walks_in_pairs() -> None:
         assert all(pause.waypoint < len(actor.route) for pause in actor.pauses)
 
 
-def test_more_pedestrians_change_no_other_and_a_longer_clip_continues_the_routes() -> None:
+def test_additional_pedestrians_change_no_other_and_a_longer_clip_extends_routes() -> None:
     few, many = crowd(count=40), crowd(count=60)
     assert many.actors[:40] == few.actors
     for short, long in zip(crowd(frames=100).actors, crowd(frames=300).actors, strict=True):

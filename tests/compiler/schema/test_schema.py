@@ -1,4 +1,4 @@
-"""The JSON Schema, the template and the language page agree with what the compiler takes."""
+"""The JSON Schema, the template and the language page agree with the compiler."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ FAILS_THE_SCHEMA = (
 
 
 def parts(path: Path) -> Any:
-    """A file's data as the compiler reads it: keys are text."""
+    """Return a file's data as the compiler reads it, with keys as text."""
     value, _ = parse(path.read_bytes(), str(path))
     assert value is not None
     return value.plain
 
 
-def test_schema_is_a_schema() -> None:
+def test_the_schema_is_a_valid_json_schema() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     assert json.loads(json.dumps(SCHEMA)) == SCHEMA
 
@@ -83,13 +83,13 @@ def test_a_recipe_that_extends_another_may_omit_and_remove_anything(change: dict
     ],
 )
 def test_a_recipe_that_extends_another_is_checked(change: dict[str, Any]) -> None:
-    """What such a recipe contains must have the types and limits of any recipe."""
+    """Its values must have the types and limits of any recipe."""
     recipe = {"recipe": "small", "extends": "wall.yaml", **change}
     assert list(jsonschema.Draft202012Validator(SCHEMA).iter_errors(recipe))
 
 
 @pytest.mark.parametrize("slug", FAILS_THE_SCHEMA)
-def test_schema_refuses_what_the_compiler_refuses(slug: str) -> None:
+def test_the_schema_refuses_recipes_that_the_compiler_refuses(slug: str) -> None:
     data = parts(ROOT / f"tests/cases/failing/{slug}/recipe.yaml")
     assert list(jsonschema.Draft202012Validator(SCHEMA).iter_errors(data))
 
@@ -140,6 +140,6 @@ def test_a_new_recipe_has_its_name_and_compiles(tmp_path: Path) -> None:
 
 
 def test_the_recipe_of_the_readme_is_the_template() -> None:
-    """A newcomer reads one recipe and is written another: whatever is said of the one must hold of the other."""
+    """So the README's description also applies to the recipe that `recipe init` writes."""
     (block,) = re.findall(r"```yaml\n(recipe: rain_bench\n.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     assert yaml.safe_load(block) == yaml.safe_load(template("rain_bench"))

@@ -1,4 +1,4 @@
-"""A path that leads to no recipe is refused with what is there, and with a recipe to name instead."""
+"""The error for a path without a recipe states what the path is, and suggests a recipe."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def _files(folder: Path, *names: str, text: str = "recipe: a\n") -> None:
         (folder / name).write_text(text)
 
 
-def test_a_folder_names_the_recipe_of_its_name_or_those_in_it(tmp_path: Path) -> None:
+def test_for_a_folder_the_recipes_in_it_are_suggested(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     _files(folder)
     assert recipe_of_folder(folder) == "name a recipe file, such as NAME.yaml"
-    _files(folder, "other.yaml", text="version: 3\n")  # no recipe
+    _files(folder, "other.yaml", text="version: 3\n")  # not a recipe
     _files(folder, "a.yaml")
     assert recipe_of_folder(folder) == f'did you mean "{folder}/a.yaml"?'
     _files(folder, "b.yml", "c.yaml", "d.yaml", text="# x\nextends: e.yaml\n")
@@ -32,7 +32,7 @@ def test_a_folder_names_the_recipe_of_its_name_or_those_in_it(tmp_path: Path) ->
     assert recipe_of_folder(folder) == f'did you mean "{tmp_path}/mine.yaml"?'
 
 
-def test_the_folder_in_which_one_stands_has_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_for_the_current_folder_recipes_are_suggested_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     _files(tmp_path, "a.yaml")
     assert recipe_of_folder(Path()) == 'did you mean "a.yaml"?'
@@ -46,8 +46,8 @@ def test_the_folder_in_which_one_stands_has_no_name(tmp_path: Path, monkeypatch:
         (b"\xff\xd8\xff\xe0", "is a picture, and not a recipe; name a recipe file"),
     ],
 )
-def test_files_of_other_kinds_are_named(tmp_path: Path, body: bytes, message: str) -> None:
-    """They were refused as damaged text: `not a text file in UTF-8`."""
+def test_files_of_other_kinds_are_recognised(tmp_path: Path, body: bytes, message: str) -> None:
+    """Regression: they were refused with `not a text file in UTF-8`."""
     path = tmp_path / "a.yaml"
     path.write_bytes(body)
     with pytest.raises(InputError, match=message):

@@ -20,7 +20,7 @@ def value(data: Any, file: str = "a.yaml") -> Value:
     return parsed.map["it"]
 
 
-# The examples of RFC 7386, appendix A, for maps: what is not a map replaces the whole, at the root as anywhere.
+# The examples of RFC 7386, appendix A, for maps. A patch that is not a map replaces the value, also at the root.
 RFC_7386 = [
     ({"a": "b"}, {"a": "c"}, {"a": "c"}),
     ({"a": "b"}, {"b": "c"}, {"a": "b", "b": "c"}),
@@ -53,7 +53,7 @@ plain = st.recursive(
 
 
 def reference(target: Any, patch: Any) -> Any:
-    """The algorithm as RFC 7386 prints it."""
+    """Apply a merge patch by the algorithm of RFC 7386."""
     if not isinstance(patch, dict):
         return patch
     result = dict(target) if isinstance(target, dict) else {}
@@ -66,12 +66,12 @@ def reference(target: Any, patch: Any) -> Any:
 
 
 @given(plain, plain)
-def test_merging_is_what_the_rfc_says(target: Any, patch: Any) -> None:
+def test_merging_follows_the_rfc(target: Any, patch: Any) -> None:
     assert Merger().merge(value(target), value(patch)).plain == reference(target, patch)
 
 
 @given(plain, plain)
-def test_a_patch_laid_twice_is_laid_once(target: Any, patch: Any) -> None:
+def test_applying_a_patch_is_idempotent(target: Any, patch: Any) -> None:
     merger, over = Merger(), value(patch)
     once = merger.merge(value(target), over)
     assert merger.merge(once, over).plain == once.plain
@@ -83,26 +83,26 @@ def test_an_empty_patch_gives_the_same_object(target: Any) -> None:
     assert Merger().merge(before, value({})) is before
 
 
-def test_what_a_patch_leaves_alone_is_the_same_object() -> None:
+def test_unchanged_values_are_the_same_objects() -> None:
     before = value({"a": {"b": 1}, "c": {"d": 2}})
     after = Merger().merge(before, value({"a": {"b": 3}}))
     assert after.map["c"] is before.map["c"]
     assert after.map["a"] is not before.map["a"]
 
 
-def test_a_merged_value_knows_who_set_it() -> None:
+def test_a_merged_value_has_the_place_of_its_patch() -> None:
     merged = Merger().merge(value({"a": {"b": 1, "c": 1}}), value({"a": {"b": 2, "d": 3}}, "delta.yaml"))
     files = {key: merged.place_of("a", key).file for key in "bcd"}
     assert files == {"b": "delta.yaml", "c": "a.yaml", "d": "delta.yaml"}
 
 
-def test_what_was_removed_is_blamed_on_the_patch() -> None:
+def test_an_error_of_a_removed_value_points_at_the_patch() -> None:
     merged = Merger().merge(value({"a": {"b": 1}}), value({"a": {"b": None}}, "delta.yaml"))
     assert merged.place_of("a", "b").file == "delta.yaml"
 
 
 def test_a_delta_of_an_extending_file_may_remove(tmp_path: Path) -> None:
-    """A null in a delta is what the delta does, not what the extending file does to the extended one."""
+    """A null in a delta belongs to the delta, and does not remove keys of the extended file."""
     (tmp_path / "common.yaml").write_text("deltas: {one: {a: {x: 1}, b: {}}, two: {c: {}}}\nbase: {p: 1}\n")
     (tmp_path / "recipe.yaml").write_text(
         "extends: common.yaml\ndeltas: {one: {a: {y: null, z: {w: null}}, b: null, d: {x: null}}, two: null}\n"

@@ -1,4 +1,4 @@
-"""Routes of sensors: constant speed along the points, arcs at corners, rounds. numpy, with libm, is the oracle."""
+"""Routes of sensors: constant speed, arcs at corners, and loops. The oracle is numpy with libm."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def travelled(route: dict[str, Any], frames: int, fps: int = 10) -> tuple[Pose, 
 
 
 def polyline(corners: list[tuple[float, float, float]], distance: NDArray[Any]) -> Floats:
-    """The points [N, 3] at so many metres along a line through corners [C, 3]."""
+    """Return the points [N, 3] at the given distances, in metres, along a line through corners [C, 3]."""
     line = np.array(corners)
     ends = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return np.stack([np.interp(distance, ends, line[:, axis]) for axis in range(3)], axis=1)
@@ -56,7 +56,7 @@ def test_a_path_is_the_line_through_its_points(corners: list[tuple[float, float,
 
 @settings(max_examples=30, deadline=None)
 @given(points, st.floats(0.1, 20), st.booleans())
-def test_rounded_corners_keep_speed_and_direction_steady(
+def test_rounded_corners_have_constant_speed_and_continuous_direction(
     corners: list[tuple[float, float, float]], radius: float, closed: bool
 ) -> None:
     steps = np.diff(np.array([*corners, corners[0]] if closed else corners), axis=0)
@@ -73,7 +73,7 @@ def test_rounded_corners_keep_speed_and_direction_steady(
     here, there = (np.array([path.at(float(d + shift))[:3] for d in samples]) for shift in (0.0, step))
     moved = np.linalg.norm(there - here, axis=1)
     inside = samples + step < path.length
-    assert np.abs(moved[inside] / step - 1.0).max() < 0.02  # never faster, and hardly cut at the smallest arcs
+    assert np.abs(moved[inside] / step - 1.0).max() < 0.02  # never faster, and hardly shorter at the smallest arcs
     flat = np.hypot(*(there - here)[:, :2].T) > 0.2 * step
     yaws = np.degrees(np.arctan2(*(there - here)[:, 1::-1].T))
     reported = np.array([path.at(float(d + step / 2)).yaw for d in samples])
@@ -106,14 +106,14 @@ def test_a_rounded_loop_starts_in_the_middle_of_its_first_arc_and_ends_there() -
     assert path.at(path.length * (1 - 1e-12))[:3] == pytest.approx((corner, corner, 3.0), abs=1e-6)
 
 
-def test_a_turn_back_is_sharp_and_a_vertical_leg_keeps_the_heading() -> None:
+def test_a_reversal_has_no_arc_and_a_vertical_leg_keeps_the_heading() -> None:
     back = Path([(0, 0, 0), (5, 0, 0), (0, 0, 0)], 1.0)
     assert (back.length, back.at(4.0).yaw, back.at(6.0).yaw) == (10.0, 0.0, 180.0)
     lift = Path([(0, 0, 0), (0, 3, 0), (0, 3, 9)])
     assert lift.at(8.0) == (0.0, 3.0, 5.0, 90.0)
 
 
-def test_a_route_runs_from_the_mount_at_metres_a_second_and_stays_at_its_end() -> None:
+def test_a_route_starts_at_the_mount_has_its_speed_and_stops_at_its_end() -> None:
     route = {"points": [{"x": 2.0}, {"y": 7.0, "z": 6.6}], "speed": 4.0, "heading": "fixed"}
     stood = travelled(route, 61)
     corners = [(-8.0, 2.0, 1.6), (2.0, 2.0, 1.6), (2.0, 7.0, 6.6)]
@@ -129,10 +129,10 @@ def test_a_route_without_speed_takes_the_whole_clip() -> None:
     ring = {"points": [{"x": 2.0}, {"y": 12.0}, {"x": -8.0}], "loop": True}
     rounds = travelled(ring, 40)
     assert (rounds[0].x, rounds[10].x, rounds[20].y) == (-8.0, 2.0, 12.0)
-    assert rounds[39].y == pytest.approx(3.0)  # frame 40 would be the first again
+    assert rounds[39].y == pytest.approx(3.0)  # frame 40 would equal the first
 
 
-def test_a_sensor_looks_along_its_route_at_its_mounts_angle() -> None:
+def test_a_sensor_looks_along_its_route_plus_the_angle_of_its_mount() -> None:
     seen = travelled({"points": [{"x": 2.0}, {"y": 12.0}, {"x": -8.0}], "speed": 10.0}, 31)
     assert [seen[k].yaw for k in (5, 15, 25)] == [10.0, 100.0, 190.0]
 

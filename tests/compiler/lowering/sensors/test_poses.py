@@ -1,4 +1,4 @@
-"""Rig motion: where a sensor is at each frame."""
+"""Rig motion: the pose of a sensor at each frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JITTER = {
     "yaw": 0.4,
     "pitch": 0.1,
     "roll": 0.25,
-}  # no two alike, or one could be another's
+}  # all different, so that mixed-up values are detected
 
 
 def sensor(**motion: Any) -> Sensor:
@@ -31,7 +31,7 @@ def test_a_rig_without_motion_has_one_pose() -> None:
     assert len(poses("street", sensor(linear={"to": {}, "speed": 1.0}), seed=1, fps=30, frames=300)) == 1
 
 
-def test_linear_motion_is_metres_a_second_whatever_the_frame_rate_and_stops_at_its_end() -> None:
+def test_linear_motion_has_its_speed_at_any_frame_rate_and_stops_at_its_end() -> None:
     moving = sensor(linear={"to": {"x": -8.0, "y": 3.0, "z": 5.6}, "speed": 2.5})  # 5 m away
     at_10, at_30 = (poses("street", moving, seed=1, fps=fps, frames=4 * fps) for fps in (10, 30))
     assert [p.y for p in at_10[:3]] == [0.0, 0.15, 0.3]
@@ -39,15 +39,15 @@ def test_linear_motion_is_metres_a_second_whatever_the_frame_rate_and_stops_at_i
     assert {(p.y, p.z) for p in at_10[20:]} == {(3.0, 5.6)}
 
 
-def test_rotation_sweeps_between_its_limits_as_a_sine() -> None:
+def test_rotation_is_a_sine_between_its_limits() -> None:
     turning = poses("street", sensor(rotation={"yaw": [-15.0, 25.0], "period": 4.0}), seed=1, fps=10, frames=81)
     yaws = [p.yaw for p in turning]
-    assert (yaws[0], yaws[10], yaws[20], yaws[30]) == (15.0, 35.0, 15.0, -5.0)  # the mount's own 10 is added
+    assert (yaws[0], yaws[10], yaws[20], yaws[30]) == (15.0, 35.0, 15.0, -5.0)  # the mount's 10 degrees are added
     assert yaws[:41] == yaws[40:]
     assert yaws[3] == round(15.0 + 20.0 * exact.sin_deg(27.0), 6)
 
 
-def test_jitter_is_not_carried_on_and_has_no_offset() -> None:
+def test_jitter_does_not_accumulate_and_has_zero_mean() -> None:
     shaken = poses("street", sensor(jitter=JITTER), seed=1, fps=30, frames=2000)
     for axis, limit in JITTER.items():
         offsets = [getattr(p, axis) - getattr(sensor().mount, axis) for p in shaken]
@@ -55,7 +55,7 @@ def test_jitter_is_not_carried_on_and_has_no_offset() -> None:
         assert max(offsets) > 0.95 * limit and min(offsets) < -0.95 * limit
         assert abs(sum(offsets) / len(offsets)) < 4 * limit / 3**0.5 / 2000**0.5  # four standard errors
         half = [offsets[i] * offsets[i + 1] for i in range(1999)]
-        assert abs(sum(half) / 1999) < 4 * limit**2 / 3 / 1999**0.5  # a frame knows nothing of the one before
+        assert abs(sum(half) / 1999) < 4 * limit**2 / 3 / 1999**0.5  # frames are independent
 
 
 def test_more_frames_change_no_earlier_pose() -> None:
@@ -69,7 +69,7 @@ def test_jitter_is_keyed_by_seed_and_sensor(name: str, seed: int) -> None:
     assert all(a.x != b.x and a.yaw != b.yaw for a, b in zip(one, two, strict=True))
 
 
-def test_one_axis_of_jitter_does_not_shift_another() -> None:
+def test_axes_of_jitter_are_independent() -> None:
     alone = poses("street", sensor(jitter={"yaw": 0.4}), seed=1, fps=30, frames=9)
     together = poses("street", sensor(jitter=JITTER), seed=1, fps=30, frames=9)
     assert [p.yaw for p in alone] == [p.yaw for p in together]

@@ -1,4 +1,4 @@
-"""Sensors on arms, on routes and with ticks: what their plans hold, and what changes them."""
+"""Sensors on arms, on routes and with ticks: the content of their plans, and what changes it."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def rig(**sensors: Any) -> dict[str, Any]:
     return recipe
 
 
-def test_a_spring_arm_turns_as_fast_as_carlas_and_is_shortened_by_buildings_and_walls() -> None:
+def test_a_spring_arm_has_carlas_lag_and_is_shortened_by_buildings_and_walls() -> None:
     plan = only(rig(**SENSORS))
     arm, ghost = plan.rig.sensors[1:3]
     assert arm.on == ghost.on == "hero1" and arm.arm is not None and ghost.arm is not None
-    assert arm.arm.decay == ghost.arm.decay == round(exact.exp(-0.8), 6)  # an eighth of a second, at 10 fps
+    assert arm.arm.decay == ghost.arm.decay == round(exact.exp(-0.8), 6)  # 1/8 s, at 10 frames per second
     solid = [e for e in plan.scene.town.elements if e.kind in ("building", "house", "tower", "wall")]
     assert len(arm.arm.obstacles) == len(solid) > 10 and ghost.arm.obstacles == ()
     building = next(e for e in solid if e.kind == "building")
@@ -61,7 +61,7 @@ def _front(box: Any) -> tuple[float, float]:
     return box.x + cosine * box.size[0] / 2, box.y + sine * box.size[0] / 2
 
 
-def test_a_follower_is_at_the_end_of_an_arm_that_keeps_its_direction_or_turns() -> None:
+def test_a_follower_is_at_the_end_of_an_arm_with_or_without_lag() -> None:
     plan = only(rig(**SENSORS))
     follower, turner = plan.rig.sensors[3:5]
     assert follower.arm is not None and (follower.on, follower.arm.decay) == ("hero2", 1.0)
@@ -71,7 +71,7 @@ def test_a_follower_is_at_the_end_of_an_arm_that_keeps_its_direction_or_turns() 
     assert (turner.poses[0].x, turner.arm.obstacles) == (-5.0, ())
 
 
-def test_a_weather_changes_no_sensor_and_a_sensor_changes_no_other() -> None:
+def test_neither_weather_nor_another_sensor_changes_a_sensor() -> None:
     recipe = rig(**SENSORS) | {"deltas": {"weather": {"dry": {}, "wet": {"weather": "HardRainNoon"}}}}
     dry, wet = compiled(recipe).plan.variants
     assert dry.rig.digest == wet.rig.digest and dry.scene.digest == wet.scene.digest
@@ -91,7 +91,7 @@ def test_a_longer_clip_extends_all_poses() -> None:
         assert (one.arm, one.interval) == (other.arm, other.interval)
 
 
-def test_a_sensor_on_an_arm_is_near_traffic_where_its_actor_goes() -> None:
+def test_for_traffic_near_a_sensor_on_an_arm_its_actors_route_counts() -> None:
     recipe = rig(**SENSORS)
     recipe["base"]["traffic"]["near"] = "follower"
     assert len(only(recipe).scene.actors) == 6
@@ -107,7 +107,7 @@ def test_a_tick_is_a_number_of_frames(tick: float, fps: int, interval: int) -> N
 @pytest.mark.parametrize(
     ("tick", "fps", "near"), [(0.25, 30, [7 / 30, 8 / 30]), (0.01, 30, [1 / 30]), (0.0333, 30, [1 / 30])]
 )
-def test_another_tick_has_the_nearest_for_a_remedy(tick: float, fps: int, near: list[float]) -> None:
+def test_the_error_for_an_invalid_tick_suggests_the_nearest(tick: float, fps: int, near: list[float]) -> None:
     assert nearest_ticks(tick, fps) == near
     assert all(nearest_ticks(round(value, 6), fps) == [] for value in near)
 
@@ -117,7 +117,7 @@ def test_a_slow_sensor_has_a_pose_for_every_frame_and_an_interval() -> None:
     assert (drone.interval, len(drone.poses), list(drone.frames(4))) == (2, 4, [0, 2])
 
 
-def test_a_tick_longer_than_the_clip_is_warned_of() -> None:
+def test_a_tick_longer_than_the_clip_causes_a_warning() -> None:
     recipe = rig(drone={**SENSORS["drone"], "tick": 10})
     (warning,) = compiled(recipe).warnings
     assert warning.message == "sensors.drone.tick: the clip is over before a second picture"
