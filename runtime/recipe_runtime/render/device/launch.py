@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from recipe_runtime.render.device import compiled
-from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.device.setup import BLOCK_SIZE, wp
 
-_BLOCK_SIZE = 128  # threads per block on a GPU; in larger blocks too many wait for the slowest
 _loaded: set[tuple[Any, str]] = set()  # modules, with the devices they were loaded for
 _parameters: dict[Any, tuple[str, ...]] = {}  # by kernel, in the order of its declaration
 
@@ -31,7 +30,7 @@ def launch(kernel: Any, threads: int, device: str, /, **arguments: Any) -> None:
         missing, extra = sorted(set(names) - set(arguments)), sorted(set(arguments) - set(names))
         raise TypeError(f"kernel {kernel.key}: missing arguments {missing}, unknown arguments {extra}")
     if (kernel.module, device) not in _loaded:
-        compiled.load(wp, kernel.module, device, _BLOCK_SIZE)
+        compiled.load(wp, kernel.module, device, BLOCK_SIZE)
         _loaded.add((kernel.module, device))
     inputs = [arguments[name] for name in names]
-    wp.launch(kernel, dim=threads, inputs=inputs, device=device, block_dim=_BLOCK_SIZE)
+    wp.launch(kernel, dim=threads, inputs=inputs, device=device, block_dim=BLOCK_SIZE)

@@ -25,6 +25,7 @@ from recipe_runtime.cache.cache_folder import create_cache_folder
 from recipe_runtime.cache.store import kernel_cache
 
 wp = warp
+BLOCK_SIZE = 128  # threads per block on a GPU; in larger blocks too many wait for the slowest
 OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_unroll": 4}
 
 

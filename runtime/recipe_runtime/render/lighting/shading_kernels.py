@@ -8,7 +8,7 @@ sky. Radiance is linear and relative (see `Air`).
 # mypy: ignore-errors
 
 from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, fog_veil, reflected_sky, sky, transmittance
-from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
     LEVEL,
@@ -330,7 +330,7 @@ def shade_surface(
     return surface_radiance(m.albedo, m.glow, lit), mirrored, m.gloss, reuse_class
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=(BLOCK_SIZE, 4))  # limits registers, so that 4 blocks run at once
 def shade_samples(
     samples: wp.array[Samples],
     colours: wp.array[SurfaceColours],

@@ -9,7 +9,7 @@ are combined by maximum and bits by union, so the order does not matter: the res
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
-from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.raster.triangles import (
     Piece,
     actor_bit,
@@ -116,7 +116,7 @@ def fill_bin(
             w2 = w2 + dx2
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=(BLOCK_SIZE, 5))  # limits registers, so that 5 blocks run at once
 def bin_triangles(
     vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],

@@ -10,7 +10,7 @@ change get samples of their own.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
-from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import maximum, nonnegative
 from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
@@ -295,7 +295,7 @@ def point_seen(turned: wp.vec3f, z: wp.float32, world_from_view: wp.array2d[wp.f
     return wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=(BLOCK_SIZE, 5))  # limits registers, so that 5 blocks run at once
 def evaluate_samples(
     first_sample: wp.int32,
     keys: wp.array[wp.uint64],
