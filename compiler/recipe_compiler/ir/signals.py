@@ -36,11 +36,6 @@ def light(shape: Mapping[str, float], seconds: float) -> Light:
     return "amber" if passed < shape["green"] + shape["amber"] else "red"
 
 
-def green_left(shape: Mapping[str, float], seconds: float) -> float:
-    """Return the seconds for which a signal stays green; 0 if it is not green."""
-    return max(0.0, shape["green"] - _passed(shape, seconds))
-
-
 def _passed(shape: Mapping[str, float], seconds: float) -> float:
     """Return the seconds since the last green began."""
     since = seconds - shape["green_from"]
@@ -53,11 +48,5 @@ def may_walk(shape: Mapping[str, float], seconds: float) -> bool:
     They may from `WALK_DELAY` seconds after the signal has become red until `WALK_CLEARANCE` seconds before it is green
     again, so that they can reach the other side.
     """
-    return walk_left(shape, seconds) > 0.0
-
-
-def walk_left(shape: Mapping[str, float], seconds: float) -> float:
-    """Return the seconds for which pedestrians may still begin to cross; 0 if they may not."""
-    passed = _passed(shape, seconds)
     begin, end = shape["green"] + shape["amber"] + WALK_DELAY, shape["cycle"] - WALK_CLEARANCE
-    return end - passed if begin <= passed < end else 0.0
+    return begin <= _passed(shape, seconds) < end

@@ -102,7 +102,7 @@ class Annotator:
 class _Axes:
     """The axes of an actor's base part in another frame of reference."""
 
-    def __init__(self, frame_from_base: Array) -> None:
+    def __init__(self, frame_from_base: Array) -> None:  # [3, 4]
         self._rows: list[list[float]] = frame_from_base.tolist()
         self._rotation = [fixed(v) for v in quaternion_of_matrix([row[:3] for row in self._rows])]
         self._yaw = fixed(exact.atan2_deg(self._rows[1][0], self._rows[0][0]))
@@ -117,24 +117,6 @@ class _Axes:
             "rotation": list(self._rotation),
             "yaw": self._yaw,
         }
-
-
-def box3d(frame_from_base: Array, extent: Extent) -> Box3d:
-    """Return a box in another frame.
-
-    Args:
-        frame_from_base: Transform from the frame of the base part, [3, 4].
-        extent: Lowest and highest corner in the frame of the base part.
-    """
-    return _Axes(frame_from_base).box(extent)
-
-
-def quaternion(transform: Array) -> tuple[float, float, float, float]:
-    """Return the rotation of a rigid transform [3, 4] as a unit quaternion w, x, y, z.
-
-    The first component that is not 0 is positive.
-    """
-    return quaternion_of_matrix([[float(transform[i, j]) for j in range(3)] for i in range(3)])
 
 
 def truncation(projected: Sequence[float], camera: CameraPlan) -> float:

@@ -90,23 +90,17 @@ class Trace:
             rows.setdefault(part.rpartition("/")[0], []).append(index)
         return rows
 
-    def actor_digest(self, actor: str, frames: int | None = None) -> str:
-        """Identity of one actor's motion over the first `frames` frames (all by default)."""
-        return self.prefix_digests([self.frames if frames is None else frames], [actor])[actor][0]
-
-    def prefix_digests(self, ends: Sequence[int], actors: Sequence[str] | None = None) -> dict[str, list[str]]:
-        """Identities of each actor's motion over its first frames, in one pass over each array.
+    def prefix_digests(self, ends: Sequence[int]) -> dict[str, list[str]]:
+        """Return digests of each actor's motion over its first frames, in one pass over each array.
 
         Args:
-            ends: numbers of frames, each from 0 to `frames`.
-            actors: names; all actors by default.
+            ends: Numbers of frames, each from 0 to `frames`.
 
         Returns:
             For each actor a digest for each of `ends`.
         """
-        actors = self.actors if actors is None else actors
-        parts = [np.array(self.actor_parts(actor), np.intp) for actor in actors]
-        bases = [self.actors.index(actor) for actor in actors]
+        parts = [np.array(self.actor_parts(actor), np.intp) for actor in self.actors]
+        bases = range(len(self.actors))
         arrays: tuple[tuple[NDArray[np.generic], Sequence[Any]], ...] = (
             (self.positions, parts),
             (self.rotations, parts),
@@ -116,7 +110,7 @@ class Trace:
         digests = [self._column_digests(array, columns, ends) for array, columns in arrays]
         return {
             actor: [digest_bytes("trace-actor/1", *(d[n][k].encode() for d in digests)) for k in range(len(ends))]
-            for n, actor in enumerate(actors)
+            for n, actor in enumerate(self.actors)
         }
 
     def _column_digests(

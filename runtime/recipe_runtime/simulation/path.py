@@ -84,16 +84,6 @@ class Path:
         leg = self._legs[self.leg_at(metres)]
         return leg[2], leg[3]
 
-    def project_near(self, x: float, y: float, start: float, end: float) -> tuple[float, float]:
-        """Return the arc length of the nearest point between two arc lengths, and the metres to the left of it.
-
-        The ends of the path are extended straight. The second value has the sign of the side and the size of the
-        distance, unless the point lies beyond one of the ends.
-        """
-        if not self._legs:
-            return 0.0, 0.0
-        return nearest_on(self.window(start, end), x, y, start <= 0.0, end >= self._starts[-1])
-
     def at(self, metres: float) -> Point:
         """Return the point at an arc length."""
         if not self._legs:
@@ -132,17 +122,14 @@ class Path:
         return [(metres, bend) for metres, bend in bends if abs(bend) > _BEND]
 
 
-def nearest_on(
-    legs: Sequence[Leg], x: float, y: float, open_start: bool = False, open_end: bool = False
-) -> tuple[float, float]:
+def nearest_on(legs: Sequence[Leg], x: float, y: float, open_end: bool = False) -> tuple[float, float]:
     """Return the arc length of the point of some legs that is nearest to (x, y), and the metres to the left of it.
 
     Args:
         legs: Consecutive legs of a path, at least one.
         x: Position in the world frame, metres.
         y: Position in the world frame, metres.
-        open_start: Whether the first leg goes on straight before its start.
-        open_end: Whether the last leg goes on straight beyond its end.
+        open_end: Whether the last leg is extended straight beyond its end.
     """
     best, found, last = math.inf, (0.0, 0.0), len(legs) - 1
     for n, (ax, ay, tx, ty, start, length) in enumerate(legs):
@@ -150,8 +137,7 @@ def nearest_on(
         along, aside = dx * tx + dy * ty, dy * tx - dx * ty
         over = 0.0
         if along < 0.0:
-            if n or not open_start:
-                over, along = along, 0.0
+            over, along = along, 0.0
         elif along > length and (n < last or not open_end):
             over, along = along - length, length
         square = aside * aside + over * over

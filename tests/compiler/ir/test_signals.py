@@ -28,6 +28,3 @@ def test_the_lights_have_their_order_and_lengths() -> None:
 def test_pedestrians_may_walk_during_the_red_of_vehicles_except_at_its_end() -> None:
     walk = [tenth / 10 for tenth in range(440) if signals.may_walk(SHAPE, 7.0 + tenth / 10)]
     assert (walk[0], walk[-1]) == (18 + 3 + signals.WALK_DELAY, 43.9 - signals.WALK_CLEARANCE)
-    assert signals.walk_left(SHAPE, 7.0 + 23.0) == 44.0 - signals.WALK_CLEARANCE - 23.0
-    assert signals.green_left(SHAPE, 7.0 + 4.0) == 14.0
-    assert signals.green_left(SHAPE, 7.0 + 30.0) == 0.0

@@ -127,7 +127,7 @@ def _direction(c: Corridor, metres: float) -> tuple[float, float]:
 
 def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstacle | None:
     """Return a vehicle, or a piece of one that reaches `size` metres to both ends, if it is in the corridor."""
-    metres, aside = nearest_on(c.legs, x, y, False, c.open_end)
+    metres, aside = nearest_on(c.legs, x, y, c.open_end)
     if metres <= c.start or abs(aside) > max(abs(c.offset), abs(c.target)) + c.radius + size + 1.5:
         return None
     tx, ty = _direction(c, metres)
@@ -153,7 +153,7 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
 
 def _person(c: Corridor, body: Body) -> Obstacle | None:
     """Return a pedestrian who is in the corridor, or is predicted to enter it before the vehicle has passed."""
-    metres, aside = nearest_on(c.legs, body.x, body.y, False, c.open_end)
+    metres, aside = nearest_on(c.legs, body.x, body.y, c.open_end)
     gap = metres - c.start - c.reach - body.radius
     if metres <= c.start or gap > c.length:
         return None

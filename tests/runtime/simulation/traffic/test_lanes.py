@@ -7,7 +7,7 @@ import math
 import pytest
 from recipe_compiler.ir.plan import ActorPlan
 from recipe_compiler.library import blueprints
-from recipe_runtime.simulation.path import Path
+from recipe_runtime.simulation.path import Path, nearest_on
 from recipe_runtime.simulation.traffic.following import style_of
 from recipe_runtime.simulation.traffic.lane_change import KEEP_RIGHT, THRESHOLD, Neighbour, Own, gain
 
@@ -197,9 +197,10 @@ def test_projection_near_a_place_finds_the_right_leg() -> None:
     """A path that comes back beside itself: only the legs between the two arc lengths count."""
     path = Path([(0.0, 0.0), (50.0, 0.0), (50.0, 4.0), (0.0, 4.0)])
     assert path.length == 104.0
-    assert path.project_near(20.0, 1.0, 0.0, 40.0) == (20.0, 1.0)
-    assert path.project_near(20.0, 1.0, 60.0, 100.0) == (84.0, 3.0)
-    assert path.project_near(-5.0, 0.0, 0.0, 10.0) == (-5.0, 0.0)
+    assert nearest_on(path.window(0.0, 40.0), 20.0, 1.0) == (20.0, 1.0)
+    assert nearest_on(path.window(60.0, 100.0), 20.0, 1.0) == (84.0, 3.0)
+    assert nearest_on(path.window(0.0, 10.0), -5.0, 0.0) == (0.0, 5.0)
+    assert nearest_on(path.window(60.0, 104.0), -5.0, 4.0, open_end=True) == (109.0, 0.0)
     assert path.tangent(52.0) == (0.0, 1.0)
     assert [leg[4] for leg in path.window(45.0, 53.0)] == [0.0, 50.0]
 
