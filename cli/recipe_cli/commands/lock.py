@@ -226,7 +226,7 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
         raise InputError(f"{str(recipe)!r}: a lockfile names its recipe in UTF-8; rename the file") from None
     if path.parent.is_symlink():
         raise InputError(
-            f"{path.parent} is a symbolic link, and lockfiles are written through none",
+            f"{path.parent} is a symbolic link, and lockfiles are not written through links",
             help="replace the link with a folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )

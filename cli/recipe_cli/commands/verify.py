@@ -157,7 +157,7 @@ def _checked_pictures(folder: Path) -> Path:
     chosen = click.get_current_context().get_parameter_source("pictures")
     if folder.is_symlink() and chosen is ParameterSource.DEFAULT:
         raise InputError(
-            f"{folder} is a symbolic link, and pictures are written through none unless it is named",
+            f"{folder} is a symbolic link, and pictures are written through a link only if it is named",
             help="replace the link with a folder, or choose one with --pictures",
             code=Code.OUTPUT_IN_THE_WAY,
         )

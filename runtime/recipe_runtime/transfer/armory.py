@@ -49,7 +49,7 @@ _LOG_SLOPE = 5.70378  # of the logarithmic depth: 1 + ln(metres / 1000) / 5.7037
 
 
 class _Object(NamedTuple):
-    """What the layouts have of a visible object: its labels without the mask."""
+    """The labels of a visible object that the layouts have, without its mask."""
 
     instance: int
     actor: str
@@ -76,7 +76,7 @@ class _Patched:
 
     @property
     def usable(self) -> Iterator[_Frame]:
-        """The frames that object detection can use."""
+        """The frames that can be used for object detection."""
         return (frame for frame in self.frames if _has_depth(self.sequence) and is_usable(frame.patch))
 
 
@@ -143,7 +143,7 @@ def annotation_files(sequences: list[ExportSequence]) -> Iterator[Entry]:
 
 
 def _patch(sequence: ExportSequence) -> PatchPlan | None:
-    """The patch that the export is about; None if the variant lacks it, or has no RGB pictures."""
+    """Return the patch to export; None if the variant lacks it, or the sensor has no RGB pictures."""
     return sequence.patch_plan if "rgb" in sequence.sensor.capture else None
 
 
@@ -169,7 +169,7 @@ def _has_depth(sequence: ExportSequence) -> bool:
 def _detection_files(
     sequence: ExportSequence, patch: PatchPlan, frame: _Frame, picture: bytes, mask: bytes
 ) -> Iterator[Entry]:
-    """The files of a frame for object detection; no files if an attack cannot use the frame."""
+    """Yield the files of a frame for object detection; none if an attack cannot use the frame."""
     if not (_has_depth(sequence) and is_usable(frame.patch)):
         return
     stem = _stem(sequence, patch, frame.number)
@@ -189,7 +189,7 @@ def _detection_files(
 
 
 def _annotations(patched: Sequence[_Patched], *, overhead: bool) -> Iterator[str]:
-    """The JSON text of the annotations for object detection."""
+    """Yield the JSON text of the annotations for object detection."""
     ids = [1, 2] if overhead else [1, 2, 3]
     return tables(
         {
@@ -208,7 +208,7 @@ def _annotations(patched: Sequence[_Patched], *, overhead: bool) -> Iterator[str
 
 
 def _image(sequence: ExportSequence, patch: PatchPlan, frame: _Frame, *, overhead: bool) -> Row:
-    """The row of an image, with exactly the keys that the loaders expect."""
+    """Return the row of an image, with exactly the keys that the loaders expect."""
     name = f"{_stem(sequence, patch, frame.number)}.png"
     row: Row = {
         "id": image_id(sequence.variant.variant, sequence.sensor.name, frame.number),
@@ -246,7 +246,7 @@ def _category(item: _Object) -> int:
 
 
 def _coordinates(frames: Sequence[_Frame]) -> list[NDArray[np.int64] | None]:
-    """The corners of every frame, [4, 2]; a frame that an attack cannot use repeats those of the last usable frame.
+    """Return the corners [4, 2] of every frame; frames that an attack cannot use repeat those of the last usable frame.
 
     Frames before the first usable one take its corners. All are None if no frame is usable.
     """
@@ -260,7 +260,7 @@ def _coordinates(frames: Sequence[_Frame]) -> list[NDArray[np.int64] | None]:
 
 
 def _instances(frames: Sequence[_Frame]) -> list[str] | None:
-    """The lines of `instances.txt`; None if there are fewer than two, which a loader does not read as a table."""
+    """Return the lines of `instances.txt`; None for fewer than two, which a loader does not read as a table."""
     lines = []
     for step, frame in enumerate(frames, start=1):
         for item in frame.objects:
@@ -270,7 +270,7 @@ def _instances(frames: Sequence[_Frame]) -> list[str] | None:
 
 
 def _target_boxes(frames: Sequence[_Frame]) -> NDArray[np.int64] | None:
-    """The boxes x1, y1, x2, y2, [T, 4], of the pedestrian with the largest total area of those visible in all frames.
+    """Return the boxes x1, y1, x2, y2 [T, 4] of the largest pedestrian, by total area, that is visible in all frames.
 
     None if no pedestrian is visible in all frames.
     """
@@ -287,7 +287,7 @@ def _target_boxes(frames: Sequence[_Frame]) -> NDArray[np.int64] | None:
 
 
 def _left_out(sequences: Sequence[ExportSequence], patched: Sequence[_Patched]) -> Iterator[str]:
-    """The lines of `left_out.csv`."""
+    """Yield the lines of `left_out.csv`."""
     frames_of = {p.sequence.number: p.frames for p in patched}
     yield "layout,variant,sensor,frame,reason\n"
     for sequence in sequences:
@@ -321,14 +321,14 @@ def _mask_png(sequence: ExportSequence, patch: PatchPlan, frame: int) -> bytes:
 
 
 def _log_depth(metres: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Logarithmic depth, three equal channels [H, W, 3]: the nearest level to 255 (1 + ln(metres / 1000) / 5.70378)."""
+    """Return logarithmic depth [H, W, 3], three equal channels: 255 (1 + ln(metres / 1000) / 5.70378), rounded."""
     limits = [1000.0 * exact.exp(((level - 0.5) / 255.0 - 1.0) * _LOG_SLOPE) for level in range(1, 256)]
     levels = np.searchsorted(np.array(limits), metres, side="right").astype(np.uint8)
     return np.repeat(levels[..., None], 3, axis=2)
 
 
 def _video(sequence: ExportSequence) -> str:
-    """The name of a sequence: unique, and of letters, digits, `_`, `-`, `=` and `+`."""
+    """Return a unique name of a sequence, of letters, digits, `_`, `-`, `=` and `+`."""
     plain = layout.sequence(sequence.variant.variant, sequence.sensor.name)
     return f"{sequence.number:04d}_" + re.sub(r"[^A-Za-z0-9_=+-]", "_", plain)
 

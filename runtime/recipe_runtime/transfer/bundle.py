@@ -5,9 +5,9 @@
         lockfiles/small.lock, small.traces    if they exist
         pack.json           format, the recipe's path, SHA-256 of every file
 
-A content has exactly one byte form: a pack is read entry by entry, and each header must have the bytes that packing
-the content again results in. A pack can therefore contain no link, no duplicate name, no compression bomb and no data
-between its entries. Names and sizes are checked before contents are read.
+The content determines the bytes: a pack is read entry by entry, and each header must equal the one that packing the
+content again writes. A pack can therefore contain no link, no duplicate name, no compression bomb and no data between
+its entries. Names and sizes are checked before contents are read.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Pack:
 
 
 def is_pack(path: Path) -> bool:
-    """Whether a path has the file name extension of packs."""
+    """Return whether a path has the file name extension of packs."""
     return path.suffix == SUFFIX
 
 
@@ -93,22 +93,22 @@ def read(path: Path) -> Pack:
         reason = (isinstance(error, OSError) and error.strerror) or lines[0]
         refused = isinstance(error, PermissionError)
         raise InputError(
-            f"{path}: is not a pack that can be used: {reason}",
+            f"{path}: is not a valid pack: {reason}",
             help="allow this user to read it" if refused else "copy it again, or make it again with `recipe pack`",
             code=Code.INVALID_PACK,
         ) from None
 
 
-Named = tuple[str, Collection[str]]  # a recipe's name, and the files that it uses
+UsedFiles = tuple[str, Collection[str]]  # a recipe's name, and the files that it uses
 
 
 @contextmanager
-def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: None) -> Iterator[Path]:
+def unpacked(path: Path, find_used: Callable[[Path], UsedFiles | None] = lambda recipe: None) -> Iterator[Path]:
     """Unpack a pack into a temporary folder and yield the path of its recipe. Errors inside refer to the pack.
 
     Args:
         path: the pack.
-        named: returns the files that a recipe uses, or None for an invalid recipe, which the compiler reports.
+        find_used: returns the files that a recipe uses, or None for an invalid recipe, which the compiler reports.
 
     Raises:
         InputError: the pack is invalid, or contains files other than those, the recipe's lockfile and its traces.
@@ -121,7 +121,7 @@ def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: 
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_bytes(body)
             (root / "lockfiles").mkdir(exist_ok=True)  # lockfiles in parent folders are then ignored
-        _check_used(path, pack, named(root / pack.recipe))
+        _check_used(path, pack, find_used(root / pack.recipe))
         try:
             yield root / pack.recipe
         except InputError as error:
@@ -129,7 +129,7 @@ def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: 
 
 
 def _load(file: BinaryIO) -> Pack:
-    """Read the entries in their order; each must have the bytes that `Pack.dumps` writes. Nothing is kept twice."""
+    """Read the entries in order; each must have the bytes of `Pack.dumps`. No content is in memory twice."""
     size = os.fstat(file.fileno()).st_size
     if size > MAX_BYTES:
         raise ValueError(f"it is larger than {MAX_BYTES >> 20} MiB")
@@ -144,7 +144,7 @@ def _load(file: BinaryIO) -> Pack:
         rows.append(row)
     pack, end = Pack(index["recipe"], files), stored_zip.directory(rows)
     if file.read(len(end) + 1) != end or pack.index() != body:
-        raise ValueError("it is not in the one form that a pack of its content has")
+        raise ValueError("its bytes are not the canonical form of its content")
     return pack
 
 
@@ -168,10 +168,10 @@ def _check(recipe: str, sizes: Mapping[str, int]) -> None:
                 raise InputError(f"{place!r} cannot be a file and a folder of a pack")
 
 
-def _check_used(path: Path, pack: Pack, named: Named | None) -> None:
-    if named is None:
+def _check_used(path: Path, pack: Pack, used_files: UsedFiles | None) -> None:
+    if used_files is None:
         return
-    name, files = named
+    name, files = used_files
     below = PurePosixPath(pack.recipe).parent  # paths are relative to the recipe's folder
     used = {str(below / file) for file in files}
     if not used <= set(pack.files):

@@ -1,8 +1,8 @@
-"""Downloads a dataset from any place that fsspec supports into a temporary folder.
+"""Downloads a dataset from any store that fsspec supports into a temporary folder.
 
-The place is not trusted. Only the files listed in the manifest are read, each up to its listed size, and nothing is
-written outside the folder. Other files there are represented by empty files of the same name, and files of another size
-by files of that size, so that verification of the folder reports them. A `file://` URL is read in place.
+The store is not trusted. Only the files listed in the manifest are read, each up to its listed size, and nothing is
+written outside the folder. Unlisted files are represented by empty files of the same name, and files of another size by
+files of that size, so that verification of the folder reports them. A `file://` URL is read in place.
 """
 
 from __future__ import annotations
@@ -49,9 +49,7 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
     """
     shown = urls.shown(url)
     if scheme_of(url) in _LISTLESS:
-        raise InputError(
-            f"{shown}: a web server does not say which files it holds; download the dataset, name its folder"
-        )
+        raise InputError(f"{shown}: a web server does not list its files; download the dataset, then name its folder")
     with reported_errors(url, "try again"):
         fs, prefix = located(url)
     if "file" in fs.protocol:
@@ -75,11 +73,11 @@ class _Fetch:
         for path in sorted(folders & {*rows, layout.MANIFEST}):
             raise InputError(f"{self._url}: {path} cannot be a file and a folder; its manifest is damaged")
         sizes = dict(self._entries(folders))
-        self._check_room(sum(size for path, (size, _) in rows.items() if sizes.get(path) in (size, _UNKNOWN)))
+        self._check_free_space(sum(size for path, (size, _) in rows.items() if sizes.get(path) in (size, _UNKNOWN)))
         wanted = [path for path in rows if sizes.get(path) is not None and path != layout.MANIFEST]
         progress("fetch", 0, len(wanted))
         with ThreadPoolExecutor(_AT_ONCE) as threads:
-            tasks = [threads.submit(self._bring, path, rows[path][0], sizes[path] or 0) for path in wanted]
+            tasks = [threads.submit(self._download_file, path, rows[path][0], sizes[path] or 0) for path in wanted]
             try:
                 for done, task in enumerate(as_completed(tasks), start=1):
                     task.result()
@@ -87,16 +85,16 @@ class _Fetch:
             except BaseException:
                 threads.shutdown(wait=True, cancel_futures=True)
                 raise
-        self._note_surplus(sizes, {*rows, layout.MANIFEST})
+        self._represent_surplus(sizes, {*rows, layout.MANIFEST})
 
     def _manifest(self) -> dict[str, tuple[int, str]]:
         """Download the manifest and return the files that it lists."""
-        there = None
+        size = None
         with suppress(FileNotFoundError, NotImplementedError):  # not every store reports sizes
-            there = self._fs.size(f"{self._prefix}/{layout.MANIFEST}")
-        if there is not None and there > MAX_BYTES:
+            size = self._fs.size(f"{self._prefix}/{layout.MANIFEST}")
+        if size is not None and size > MAX_BYTES:
             raise InputError(
-                f"{self._url}: its {layout.MANIFEST} has {there:,} bytes, and at most {MAX_BYTES:,} are fetched"
+                f"{self._url}: its {layout.MANIFEST} has {size:,} bytes, and at most {MAX_BYTES:,} are fetched"
             )
         try:
             self._copy(layout.MANIFEST, MAX_BYTES)
@@ -128,29 +126,31 @@ class _Fetch:
                 continue
             left -= len(rows)
             if left < 0:
-                raise InputError(f"{self._url} holds far more than any dataset does; remove what is not its own there")
+                raise InputError(f"{self._url} holds far more files than a dataset; remove the others")
             for row in rows:
                 name = str(row["name"]).rstrip("/")
                 if name == head.rstrip("/"):  # some stores keep an empty object for a folder
                     continue
                 path = ("" if folder == "." else f"{folder}/") + name.removeprefix(head)
                 if not name.startswith(head) or "/" in name[len(head) :] or not stays_inside(path):
-                    raise InputError(f"{self._url} holds {ascii(name)[:200]}, which no dataset does; remove it there")
+                    raise InputError(
+                        f"{self._url} holds {ascii(name)[:200]}, which is not a path in a dataset; remove it"
+                    )
                 if row["type"] == "directory":
                     waiting += [path] if path in folders else []
                     yield path, None
                 else:
                     yield path, _UNKNOWN if row["size"] is None else min(max(int(row["size"]), 0), _LARGEST)
 
-    def _check_room(self, total: int) -> None:
+    def _check_free_space(self, total: int) -> None:
         free = shutil.disk_usage(self._root).free
         if total > free:
             raise RunError(
                 f"{self._url}: its files take {total / 2**20:,.1f} MiB, and {tempfile.gettempdir()} has"
-                f" {free / 2**20:,.1f} MiB left; set TMPDIR to a folder with more room"
+                f" {free / 2**20:,.1f} MiB left; set TMPDIR to a folder with more space"
             )
 
-    def _bring(self, path: str, listed: int, size: int) -> None:
+    def _download_file(self, path: str, listed: int, size: int) -> None:
         """Download a file, at most its listed size; a file that has disappeared is skipped."""
         if size in (listed, _UNKNOWN):
             try:
@@ -174,7 +174,7 @@ class _Fetch:
         place.parent.mkdir(parents=True, exist_ok=True)
         return place.open("xb")
 
-    def _note_surplus(self, sizes: dict[str, int | None], known: set[str]) -> None:
+    def _represent_surplus(self, sizes: dict[str, int | None], known: set[str]) -> None:
         """Create an empty file or folder for each entry that the manifest does not list."""
         surplus = [path for path in sorted(sizes) if path not in known and not (self._root / path).exists()]
         for path in surplus[:MAX_SURPLUS]:

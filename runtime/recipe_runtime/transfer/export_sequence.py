@@ -19,7 +19,7 @@ from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.transfer.shards import damaged_file, picture_file
 from recipe_runtime.webdataset import decode
 
-_MAX_VALUES = 2_000_000  # of the truth of a frame; the codes of masks hold brackets, which are counted
+_MAX_VALUES = 2_000_000  # of the ground truth of a frame; brackets in the codes of masks are counted
 
 Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
 
@@ -36,13 +36,13 @@ class ExportSequence:
 
     @property
     def patch_plan(self) -> PatchPlan | None:
-        """The patch that the export is about; None if the variant does not have it."""
+        """The patch to export; None if the variant does not have it."""
         patches = self.variant.appearance.patches
         return next((patch for patch in patches if self.patch_name in (None, patch.name)), None)
 
     @property
     def frames(self) -> range:
-        """The frames that the sensor takes."""
+        """The frames that the sensor captures."""
         return self.sensor.frames(self.variant.scene.clock.frames)
 
     def labels(self) -> Iterator[LabelledFrame]:

@@ -40,7 +40,7 @@ _REMEDY = "free some space or choose another folder, then export again"
 
 
 class _Choice(TypedDict, total=False):
-    patch: str  # for armory, if the export was asked for one
+    patch: str  # for armory, if the caller chose one
 
 
 class LayoutIndex(_Choice):
@@ -137,7 +137,7 @@ def _kitti_lists(sequences: list[ExportSequence]) -> Iterator[Entry]:
 
 
 def _length(sequence: ExportSequence) -> int:
-    """Return the number of frames from frame 0 to the last one that the sensor takes."""
+    """Return the number of frames from frame 0 to the last one that the sensor captures."""
     return sequence.frames[-1] + 1
 
 

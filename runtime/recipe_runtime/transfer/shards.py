@@ -97,8 +97,7 @@ def webdataset(
         dataset: the dataset.
         out: the folder to create; it appears when the export is complete.
         progress: reports progress.
-        shard_bytes: the size limit of a shard. A shard is closed before the sample that would exceed it, so only a
-        shard
+        shard_bytes: the size limit of a shard. A shard is closed before the sample that would exceed it, so only one
             with a single sample can be larger.
         replace: whether an existing export may be replaced.
 
@@ -109,7 +108,7 @@ def webdataset(
     check_destination(out)
     known = _index_of(out, dataset)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
-    if known is not None and same and _is_whole(out, known):
+    if known is not None and same and _is_complete(out, known):
         return known
     if out.is_symlink() or (out.exists() and not is_empty(out) and (known is None or _has_other_files(out, known))):
         raise InputError(
@@ -124,7 +123,7 @@ def webdataset(
             help="choose another folder, or replace it",
             code=Code.OUTPUT_IN_THE_WAY,
         )
-    with host_errors(str(out), _REMEDY), work_folder(out, _has_shards_alone) as work:
+    with host_errors(str(out), _REMEDY), work_folder(out, _has_only_shards) as work:
         rows = _write(dataset, work, progress, shard_bytes)
         index: ExportIndex = {
             "format": _FORMAT,
@@ -142,7 +141,7 @@ def webdataset(
     return index
 
 
-def _has_shards_alone(work: Path) -> bool:
+def _has_only_shards(work: Path) -> bool:
     found = sorted(work.iterdir())
     names = all(path.name in (MARKER, INDEX) or path.suffix == ".tar" for path in found)
     return names and all(regular_file(work, path.name) for path in found)
@@ -205,13 +204,13 @@ def picture_file(dataset: Dataset, path: str, sensor: SensorPlan) -> bytes:
     """
     most = _MAX_PICTURE + _BYTES_A_PIXEL * sensor.camera.width * sensor.camera.height
     size, sha256 = dataset.files.get(path, (-1, ""))
-    there = regular_file(dataset.root, path)
-    if there is None:
+    found = regular_file(dataset.root, path)
+    if found is None:
         raise damaged_file(dataset, f"{path} is missing, or not a regular file")
-    if there.st_size != size:
-        raise damaged_file(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
+    if found.st_size != size:
+        raise damaged_file(dataset, f"{path} has {count(found.st_size, 'byte')}, not {size:,}")
     if size > most:
-        raise damaged_file(dataset, f"{path} has {size:,} bytes, and such a picture has at most {most:,}")
+        raise damaged_file(dataset, f"{path} has {size:,} bytes, and a picture of this sensor has at most {most:,}")
     try:
         body = read_inside(dataset.root, path, size)
     except ValueError as error:
@@ -237,14 +236,14 @@ def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
 
 
 def _has_other_files(out: Path, index: ExportIndex) -> bool:
-    """Return whether a folder has anything but the files of the export that its index lists."""
+    """Return whether a folder has files that its index does not list, or lacks listed ones."""
     found = sorted(out.iterdir())
     names = {path.name for path in found}
     return names != {INDEX, *(row["file"] for row in index["shards"])} or any(is_folder(path) for path in found)
 
 
 def _index_of(out: Path, dataset: Dataset) -> ExportIndex | None:
-    """Return the index of an export; None if there is none, or it is damaged."""
+    """Return the index of an export; None if it is absent or damaged."""
     index = read_index(out, INDEX, dataset, _INDEX_BYTES)
     return cast("ExportIndex", index) if _is_index(index) else None
 
@@ -264,8 +263,8 @@ def _is_index(index: object) -> bool:
     )
 
 
-def _is_whole(out: Path, index: ExportIndex) -> bool:
-    """Return whether a folder has every shard of an index, and each has its bytes."""
+def _is_complete(out: Path, index: ExportIndex) -> bool:
+    """Return whether a folder contains exactly the shards of an index, with the recorded bytes."""
     for row in index["shards"]:
         found = regular_file(out, row["file"])
         if found is None or found.st_size != row["size"] or file_sha256(out / row["file"]) != row["sha256"]:

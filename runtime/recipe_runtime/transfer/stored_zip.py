@@ -1,4 +1,4 @@
-"""The headers of a ZIP file of uncompressed entries without dates, in the one form that packs have."""
+"""The headers of a ZIP file of uncompressed entries without dates, in the canonical form of packs."""
 
 from __future__ import annotations
 
@@ -78,10 +78,10 @@ def read_entry(file: BinaryIO, name: str, limit: int) -> tuple[Row, bytes]:
     """
     head = file.read(_LOCAL.size + len(name))
     if len(head) < _LOCAL.size or not head.startswith(b"PK\3\4"):
-        raise ValueError(f"it holds no {name!r} in its place")
+        raise ValueError(f"{name!r} is missing, or not at its place")
     crc, _, size = struct.unpack_from("<3I", head, _SIZES_AT)
     if head != local_header((name, size, crc)):
-        raise ValueError("it is not in the one form that a pack of its content has")
+        raise ValueError("its bytes are not the canonical form of its content")
     if size > limit:
         raise ValueError(f"{name!r} has {size:,} bytes, and at most {limit:,} are read")
     body = file.read(size)

@@ -1,4 +1,4 @@
-"""Uploads a dataset to any place that fsspec supports, such as S3, Google Cloud Storage or another folder.
+"""Uploads a dataset to any store that fsspec supports, such as S3, Google Cloud Storage or another folder.
 
 A prefix contains a dataset if it contains its manifest, which is written last. During an upload, a marker file
 `.recipe-upload.json` takes its place. Files that exist with the same digest are kept; files with equal content are sent
@@ -28,12 +28,12 @@ from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.transfer.upload_journal import Rows, UploadJournal
 
-NOTE = ".recipe-upload.json"
+MARKER = ".recipe-upload.json"
 SCHEMES = (
     "s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "file", "local", "memory", "ftp", "sftp", "ssh", "hdfs",
     "webhdfs", "smb", "oci", "oss", "http", "https",
 )  # fmt: skip
-_MAX_NOTE = 10_000  # bytes
+_MAX_MARKER = 10_000  # bytes
 _AT_ONCE = 8  # concurrent uploads
 _S3, _GCS = "s3fs>=2024.6", "gcsfs>=2024.6"  # must equal the extras s3 and gcs of pyproject.toml
 _LIBRARIES = {"s3": _S3, "s3a": _S3, "gs": _GCS, "gcs": _GCS}
@@ -60,16 +60,18 @@ class Target:
         self._full = url.rstrip("/")
         self.url = urls.shown(self._full)
         if self._full.partition("://")[0].lower() in ("http", "https"):
-            raise InputError(f"{self.url}: a web server takes no files", help="name a store, such as s3://bucket/name")
+            raise InputError(
+                f"{self.url}: a web server does not accept files", help="name a store, such as s3://bucket/name"
+            )
         with self._reported():
             self._fs, self._prefix = located(self._full)
-            self._there = self._manifest()
+            self._existing = self._manifest()
         found = self._sizes()
-        if found and self._there is None and NOTE not in found:
+        if found and self._existing is None and MARKER not in found:
             raise InputError(f"{self.url} holds files but no {layout.MANIFEST} of a dataset; name another place")
         if not found:
             with self._reported():
-                self._write(NOTE, b"{}")  # fail before the build, not after it, if the place is not writable
+                self._write(MARKER, b"{}")  # fail before the build, not after it, if the place is not writable
 
     def check_replaceable(self, recipe: str) -> None:
         """Check that an existing dataset here belongs to a recipe with this name.
@@ -77,7 +79,7 @@ class Target:
         Raises:
             InputError: it belongs to another recipe.
         """
-        name = str(self._there.get("recipe"))[:100] if self._there else recipe
+        name = str(self._existing.get("recipe"))[:100] if self._existing else recipe
         if name != recipe:
             raise InputError(
                 f"{self.url} holds the dataset of another recipe, {name!r}, and this is {recipe!r}",
@@ -105,26 +107,28 @@ class Target:
         if not replace:
             self.check_replaceable(manifest["recipe"])
         rows, sizes = listed_files(manifest), self._sizes()
-        if self._there == manifest and self._is_whole(rows, sizes):
+        if self._existing == manifest and self._is_complete(rows, sizes):
             return Copied(0, 0, len(rows))
         journal = UploadJournal(root, self._full)
-        known = listed_files(self._there) if self._there else journal.rows(self._note())
-        foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, NOTE})
+        known = listed_files(self._existing) if self._existing else journal.rows(self._marker_token())
+        foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, MARKER})
         if foreign:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
         missing = [path for path, row in rows.items() if known.get(path) != row or sizes.get(path) != row[0]]
         with self._reported():
             token = journal.begin({path: row for path, row in known.items() if sizes.get(path) == row[0]})
-            self._write(NOTE, canonical_bytes({"dataset": manifest["identity"], "copy": token}))
-            if self._there is not None:
+            self._write(MARKER, canonical_bytes({"dataset": manifest["identity"], "copy": token}))
+            if self._existing is not None:
                 self._fs.rm_file(self._at(layout.MANIFEST))
             copied = self._send(root, rows, missing, journal, progress)
-            for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, NOTE}):
+            for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, MARKER}):
                 self._fs.rm_file(self._at(path))
-            if self._note() != token:
-                raise RunError(f"{self.url}: another copy was made here meanwhile; copy again when it is done")
+            if self._marker_token() != token:
+                raise RunError(
+                    f"{self.url}: another upload to this place ran at the same time; upload again when it has ended"
+                )
             self._write(layout.MANIFEST, body)
-            self._fs.rm_file(self._at(NOTE))
+            self._fs.rm_file(self._at(MARKER))
         journal.close()
         return Copied(len(missing) - copied, copied, len(rows) - len(missing))
 
@@ -136,31 +140,31 @@ class Target:
         firsts: dict[tuple[int, str], str] = {}
         for path in missing:
             firsts.setdefault(rows[path], path)
-        seconds = [path for path in missing if firsts[rows[path]] != path]
+        duplicates = [path for path in missing if firsts[rows[path]] != path]
         done = 0
-        for batch in (list(firsts.values()), seconds):
+        for batch in (list(firsts.values()), duplicates):
             with ThreadPoolExecutor(_AT_ONCE) as threads:
-                tasks = [threads.submit(self._bring, root, path, firsts[rows[path]], rows[path]) for path in batch]
+                tasks = [threads.submit(self._place_file, root, path, firsts[rows[path]], rows[path]) for path in batch]
                 try:
                     for task in as_completed(tasks):
-                        journal.note(*task.result())
+                        journal.record(*task.result())
                         done += 1
                         progress("copy", done, len(missing))
                 except BaseException:
                     threads.shutdown(wait=True, cancel_futures=True)
                     for task in tasks:  # record what was sent nevertheless
                         if not task.cancelled() and task.exception() is None:
-                            journal.note(*task.result())
+                            journal.record(*task.result())
                     raise
-        return len(seconds)
+        return len(duplicates)
 
-    def _bring(self, root: Path, path: str, first: str, row: tuple[int, str]) -> tuple[str, tuple[int, str]]:
+    def _place_file(self, root: Path, path: str, first: str, row: tuple[int, str]) -> tuple[str, tuple[int, str]]:
         """Send a file, or copy the equal file `first` within the store.
 
         Return the path and row of the file now in place.
         """
         if path != first:
-            self._make_room(path)
+            self._prepare(path)
             self._fs.cp_file(self._at(first), self._at(path))
         elif file_sha256(root / path) != row[1]:
             raise InputError(
@@ -169,19 +173,19 @@ class Target:
                 code=Code.INVALID_DATASET,
             )
         else:
-            self._make_room(path)
+            self._prepare(path)
             self._fs.put_file(str(root / path), self._at(path))
         return path, row
 
     def _write(self, path: str, body: bytes) -> None:
-        self._make_room(path)
+        self._prepare(path)
         self._fs.pipe_file(self._at(path), body)
 
-    def _make_room(self, path: str) -> None:
+    def _prepare(self, path: str) -> None:
         """Create the folder of a file on a local disk, and remove an existing file, which may be a hard link.
 
         Raises:
-            InputError: a folder below the place is a symbolic link.
+            InputError: a folder below the prefix is a symbolic link.
         """
         if "file" not in self._fs.protocol:
             return
@@ -190,7 +194,7 @@ class Target:
             folder /= name
             if folder.is_symlink():
                 raise InputError(
-                    f"{folder} is a symbolic link, and a dataset is written through none",
+                    f"{folder} is a symbolic link, and datasets are not written through links",
                     help="remove the link, or choose another place",
                     code=Code.OUTPUT_IN_THE_WAY,
                 )
@@ -202,16 +206,16 @@ class Target:
         """Return whether a path can be read; on a local disk pipes and links cannot."""
         return "file" not in self._fs.protocol or regular_file(Path(self._prefix), path) is not None
 
-    def _note(self) -> str | None:
-        """Return the name of the unfinished upload according to the marker file, or None."""
-        if not self._is_file(NOTE):
+    def _marker_token(self) -> str | None:
+        """Return the token of the unfinished upload in the marker file, or None."""
+        if not self._is_file(MARKER):
             return None
         try:
-            return str(json.loads(self._fs.cat_file(self._at(NOTE), end=_MAX_NOTE))["copy"])
+            return str(json.loads(self._fs.cat_file(self._at(MARKER), end=_MAX_MARKER))["copy"])
         except (FileNotFoundError, *DAMAGE):
             return None
 
-    def _is_whole(self, rows: Rows, sizes: Mapping[str, int]) -> bool:
+    def _is_complete(self, rows: Rows, sizes: Mapping[str, int]) -> bool:
         return set(sizes) == {*rows, layout.MANIFEST} and all(sizes[path] == size for path, (size, _) in rows.items())
 
     def _sizes(self) -> dict[str, int]:
@@ -225,7 +229,7 @@ class Target:
         return {name[len(head) :]: int(row["size"]) for name, row in found.items() if name.startswith(head)}
 
     def _manifest(self) -> Manifest | None:
-        """Return the manifest at the place; None if there is none of this project."""
+        """Return the manifest below the prefix; None if there is no valid one."""
         if not self._is_file(layout.MANIFEST):
             return None
         try:
@@ -243,7 +247,7 @@ class Target:
         return f"{self._prefix.rstrip('/')}/{path}"
 
     def _reported(self) -> AbstractContextManager[None]:
-        return reported_errors(self._full, "try again: what was copied is kept")
+        return reported_errors(self._full, "try again: uploaded files are kept")
 
 
 def scheme_of(url: str) -> str:
@@ -270,7 +274,7 @@ def located(url: str) -> tuple[Any, str]:
         InputError: the URL has no path.
     """
     if not url.partition("://")[2].strip("/"):
-        raise InputError(f"{urls.shown(url)} names no place; write for example s3://bucket/name")
+        raise InputError(f"{urls.shown(url)} has no path; write for example s3://bucket/name")
     scheme_of(url)
     fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
     return fs, prefix
@@ -297,7 +301,7 @@ def reported_errors(url: str, remedy: str) -> Iterator[None]:
         raise InputError(f"{shown}: there is no such place (a bucket must exist already)", code=Code.REMOTE) from None
     except PermissionError as error:
         raise RunError(
-            f"{shown}: access was refused ({_plain(error, url)}); see to credentials and rights", code=Code.REMOTE
+            f"{shown}: access was refused ({_plain(error, url)}); check credentials and permissions", code=Code.REMOTE
         ) from None
     except ValueError as error:
         raise InputError(f"{shown}: {_plain(error, url)}", code=Code.REMOTE) from None

@@ -24,7 +24,7 @@ _REMEDY = "free some space or allow writing"
 class UploadJournal:
     """The files uploaded to a URL so far, recorded next to the dataset's folder. Links are not followed.
 
-    Its first line names the upload; the record is valid only if the marker file at the place has the same name.
+    Its first line is the upload's token; the record is valid only if the marker file at the URL has the same token.
     """
 
     def __init__(self, root: Path, url: str) -> None:
@@ -32,7 +32,7 @@ class UploadJournal:
         self._path = root.with_name(f".{root.name}.sent-{name}")
 
     def rows(self, token: str | None) -> Rows:
-        """Return the recorded files of the upload with that name; damaged lines are ignored."""
+        """Return the recorded files of the upload with that token; damaged lines are ignored."""
         found: Rows = {}
         with suppress(OSError, ValueError), open_regular(self._path, follow_links=False) as file:
             if token is None or file.readline(_MAX_LINE) != f"{token}\n".encode():
@@ -44,10 +44,10 @@ class UploadJournal:
         return found
 
     def begin(self, rows: Rows) -> str:
-        """Start recording a new upload and return its name.
+        """Start the record of a new upload and return its token.
 
         Args:
-            rows: files that exist at the place already.
+            rows: files that exist at the URL already.
         """
         token = f"{fresh_nonce():x}"
         with host_errors(str(self._path), _REMEDY):
@@ -56,7 +56,7 @@ class UploadJournal:
             )
         return token
 
-    def note(self, path: str, row: tuple[int, str]) -> None:
+    def record(self, path: str, row: tuple[int, str]) -> None:
         """Record a file."""
         with host_errors(str(self._path), _REMEDY):
             handle = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)

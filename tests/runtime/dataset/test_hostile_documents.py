@@ -224,7 +224,7 @@ def test_parts_that_variants_share_are_read_once() -> None:
     assert reader.read(json.dumps(document).encode()).scene.town is first.scene.town
 
 
-def test_a_bundle_with_an_unused_file_is_refused(tmp_path: Path) -> None:
+def test_a_pack_with_an_unused_file_is_refused(tmp_path: Path) -> None:
     files = {"a.yaml": b"", "b/base.yaml": b"", "b/c.obj": b"", "lockfiles/x.lock": b"", "lockfiles/x.traces": b""}
     used = "x", ["a.yaml", "b/base.yaml", "b/c.obj"]
     path = tmp_path / "x.recipe"

@@ -151,7 +151,7 @@ def test_workers_get_the_folder_of_the_assets() -> None:
     assert pickle.loads(pickle.dumps(engines)).assets == engines.assets
 
 
-def test_a_bundle_contains_the_assets(tmp_path: Path) -> None:
+def test_a_pack_contains_the_assets(tmp_path: Path) -> None:
     compiled = compile_recipe(GOOD)
     pack = Pack(GOOD.name, {path: (GOOD.parent / path).read_bytes() for path in compiled.files})
     (tmp_path / "assets.recipe").write_bytes(pack.dumps())

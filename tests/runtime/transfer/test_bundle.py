@@ -1,4 +1,4 @@
-"""A bundle round-trips, has one canonical byte form, and a hostile one is refused before anything is written."""
+"""A pack round-trips, has one canonical byte form, and a hostile one is refused before anything is written."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _written(folder: Path, body: bytes) -> Path:
     return path
 
 
-def test_a_bundle_round_trips(tmp_path: Path) -> None:
+def test_a_pack_round_trips(tmp_path: Path) -> None:
     found = read(_written(tmp_path, PACK.dumps()))
     assert (found.recipe, dict(found.files)) == ("street.yaml", FILES)
 
@@ -45,7 +45,7 @@ def test_any_unzip_reads_it() -> None:
         assert {n: archive.read(n) for n in archive.namelist() if n != "pack.json"} == FILES
 
 
-def test_a_bundle_is_unpacked_and_removed(tmp_path: Path) -> None:
+def test_a_pack_is_unpacked_and_removed(tmp_path: Path) -> None:
     with unpacked(_written(tmp_path, PACK.dumps())) as recipe:
         root = recipe.parent
         assert recipe.read_bytes() == FILES["street.yaml"]
@@ -53,7 +53,7 @@ def test_a_bundle_is_unpacked_and_removed(tmp_path: Path) -> None:
     assert not root.exists()
 
 
-def test_problems_of_the_recipe_name_the_file_in_the_bundle(tmp_path: Path) -> None:
+def test_problems_of_the_recipe_name_the_file_in_the_pack(tmp_path: Path) -> None:
     path = _written(tmp_path, PACK.dumps())
     with pytest.raises(InputError) as caught, unpacked(path) as recipe:
         raise InputError(Problem("the town is gone", Place(str(recipe), 3, 5)))
@@ -109,9 +109,9 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 @pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_a_hostile_bundle_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_hostile_pack_is_refused(tmp_path: Path, name: str) -> None:
     path = _written(tmp_path, HOSTILE[name]())
-    with pytest.raises(InputError, match=r"is not a pack that can be used: .+") as caught:
+    with pytest.raises(InputError, match=r"is not a valid pack: .+") as caught:
         read(path)
     assert len(str(caught.value).splitlines()) == 1
     assert list(tmp_path.iterdir()) == [path]
@@ -120,7 +120,7 @@ def test_a_hostile_bundle_is_refused(tmp_path: Path, name: str) -> None:
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 def test_a_repeated_name_is_refused(tmp_path: Path) -> None:
     body = _zip([_index({}), ("street.yaml", b"a"), ("street.yaml", b"b")])
-    with pytest.raises(InputError, match="is not a pack"):
+    with pytest.raises(InputError, match="is not a valid pack"):
         read(_written(tmp_path, body))
 
 
@@ -155,8 +155,8 @@ def test_any_changed_byte_is_detected(tmp_path: Path, at: int, value: int, cut: 
             read(path)
 
 
-def test_a_large_bundle_is_read_without_copies(tmp_path: Path) -> None:
-    """Regression: refusing a bundle of 500 MiB took 1.57 GB, for its bytes, its files and the bundle made of these."""
+def test_a_large_pack_is_read_without_copies(tmp_path: Path) -> None:
+    """Regression: refusing a pack of 500 MiB took 1.57 GB, for its bytes, its files and the pack made of these."""
     size = 64 << 20
     path = _written(tmp_path, Pack("a.yaml", {"a.yaml": b"a", "x.bin": bytes(size)}).dumps())
     tracemalloc.start()

@@ -135,15 +135,15 @@ def test_a_path_that_no_file_system_accepts_is_refused(store: dict[str, Any]) ->
     ("url", "said"),
     [
         ("memory://bucket/nothing", "is not a dataset: it holds no manifest.json"),
-        ("memory://", "names no place"),
+        ("memory://", "has no path"),
         ("nowhere://x/y", "nowhere:// is not a supported scheme; use one of s3://"),
         ("zip://x/y", "zip:// is not a supported scheme"),
         ("data://x/y", "data:// is not a supported scheme"),
         ("reference://x/y", "reference:// is not a supported scheme"),
         ("zip::https://example.org/dataset.zip", "chains several schemes with `::`"),
         ("zip://a::memory://b/c.zip", "chains several schemes with `::`"),
-        ("https://example.org/dataset", "a web server does not say which files it holds"),
-        ("HTTPS://example.org/dataset", "a web server does not say which files it holds"),
+        ("https://example.org/dataset", "a web server does not list its files"),
+        ("HTTPS://example.org/dataset", "a web server does not list its files"),
         ("simplecache::https://example.org/dataset", "chains several schemes with `::`"),
     ],
 )
@@ -278,7 +278,7 @@ def test_a_listing_with_names_outside_the_folder_is_refused(
 ) -> None:
     monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
     monkeypatch.setattr(hostile, "ls", lambda *_, **__: [{"name": name, "size": 1, "type": "file"}])
-    with pytest.raises(InputError, match="which no dataset does; remove it there") as caught:
+    with pytest.raises(InputError, match="which is not a path in a dataset; remove it") as caught:
         integrity("hostile://x/y")
     assert "\x1b" not in str(caught.value)
 

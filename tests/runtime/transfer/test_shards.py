@@ -78,7 +78,7 @@ def test_a_picture_with_too_many_bytes_for_its_pixels_is_not_read(built: Dataset
     with (root / path).open("wb") as file:
         file.truncate(1 << 33)
     large = replace(built, root=root, files={**built.files, path: (1 << 33, "0" * 64)})
-    with pytest.raises(InputError, match=r"has 8,589,934,592 bytes, and such a picture has at most"):
+    with pytest.raises(InputError, match=r"has 8,589,934,592 bytes, and a picture of this sensor has at most"):
         shards.webdataset(large, tmp_path / "out", lambda *_: None)
     assert not (tmp_path / "out").exists()
 

@@ -16,7 +16,7 @@ import pytest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset.reader import read
-from recipe_runtime.transfer.upload import NOTE, Copied, Target
+from recipe_runtime.transfer.upload import MARKER, Copied, Target
 from recipe_runtime.transfer.upload_journal import UploadJournal
 from recipe_runtime.verify.verify import Options, verify_files
 
@@ -87,9 +87,9 @@ def test_a_stopped_upload_is_resumed(url: str, built: Path, calls: int, monkeypa
         send(self, *args, **kwargs)
 
     monkeypatch.setattr(type(fs), "put_file", failing)
-    with pytest.raises(RunError, match="the line is dead; try again: what was copied is kept"):
+    with pytest.raises(RunError, match="the line is dead; try again: uploaded files are kept"):
         put(url, built)
-    assert "manifest.json" not in remote_files(url) and NOTE in remote_files(url)
+    assert "manifest.json" not in remote_files(url) and MARKER in remote_files(url)
     monkeypatch.setattr(type(fs), "put_file", send)
     assert put(url, built).kept >= calls
     assert remote_files(url) == local(built)
@@ -130,7 +130,7 @@ def test_an_upload_by_another_host_invalidates_the_journal_of_a_stopped_one(
     for name in sent:
         fs.rm_file(name)
         fs.pipe_file(name, bytes(len(local(built)[name.partition("small/")[2]])))
-    fs.pipe_file(f"{prefix}/{NOTE}", b'{"copy": "another", "dataset": "x"}')
+    fs.pipe_file(f"{prefix}/{MARKER}", b'{"copy": "another", "dataset": "x"}')
     assert put(url, built).kept == 0
     assert remote_files(url) == local(built)
 
@@ -180,13 +180,13 @@ def test_the_journal_neither_follows_a_link_nor_waits_for_a_pipe(built: Path, tm
     path.unlink()
     path.symlink_to(precious)
     with pytest.raises(RunError, match="cannot be written"):
-        journal.note("a", (1, "b"))
+        journal.record("a", (1, "b"))
 
 
 @pytest.mark.parametrize("url", ["s3://", "memory://", "file:///"])
 def test_a_url_without_a_path_is_refused(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match="names no place"):
+    with pytest.raises(InputError, match="has no path"):
         Target(url)
     assert not list(tmp_path.iterdir())
 
