@@ -52,7 +52,7 @@ def main() -> None:
                 )
     ratios = [ray / local for ray, local in zip(spent["ray"], spent["local"], strict=True)]
     error = statistics.stdev(ratios) / len(ratios) ** 0.5
-    apart = f"standard error {error:.3f}; turn by turn {', '.join(f'{ratio:.3f}' for ratio in ratios)}"
+    apart = f"standard error {error:.3f}; runs {', '.join(f'{ratio:.3f}' for ratio in ratios)}"
     print(f"Ray takes {statistics.mean(ratios):.3f} times the processor time ({apart})")
     print(f"and {min(waited['ray']) / min(waited['local']):.3f} times as long; {os.getloadavg()[0]:.1f} load after")
 

@@ -17,7 +17,7 @@ from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.render.renderer import Renderer
 
-WARM = 3  # frames: what a camera that stands still remembers is there after two
+WARM = 3  # frames: for a static camera, temporal reuse is complete after two
 
 
 def main() -> None:
@@ -32,14 +32,14 @@ def main() -> None:
     source, sensor = SceneSource(variant.scene, trace), variant.rig.sensors[0]
     timings = source.renderer.timings if isinstance(source.renderer, Renderer) else None
     if timings is None:
-        raise SystemExit("the renderer keeps no times")
+        raise SystemExit("this renderer has no timings")
     timings.clock = time.thread_time
     begin = variant.scene.clock.frames // 3
     for frame in range(begin, begin + WARM + arguments.frames):
         if frame == begin + WARM:
             timings.seconds.clear()
         source.shade(source.observe(sensor, frame), variant.appearance, sensor, frame)
-    if "static shadows" in timings.seconds:  # they are drawn within the other's time
+    if "static shadows" in timings.seconds:  # they are drawn within that stage
         timings.seconds["shadows"] -= timings.seconds["static shadows"]
     print(json.dumps({stage: 1000 * s / arguments.frames for stage, s in timings.seconds.items()}))
 

@@ -69,7 +69,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
         found["cold start"] = cold_start(folder)
     warm_up(dataset, trace)
     rates: dict[int, list[float]] = {1: [], 2: []}
-    for turn in range(TURNS):  # by turns, for a shared machine's pace changes by the minute
+    for turn in range(TURNS):  # alternating, because the speed of a shared machine changes within minutes
         for workers in (1, 2):
             row = ours(RECIPE, folder / f"w{workers}-{turn}", [FIRST], arguments.frames, workers)
             rates[workers].append(row["rate"])

@@ -45,7 +45,7 @@ def write_table(page: Path, command: str, table: Table) -> None:
 
 
 def _found(page: Path, command: str) -> re.Match[str]:
-    """The place of a table: the comment before it, and what stands between that and the one after it."""
+    """Return the pattern of a table: the comment before it, its content, and the comment after it."""
     start = re.escape(f"<!-- table of `{command}` -->")
     found = list(re.finditer(f"({start})(.*?){re.escape(_END)}", page.read_text(encoding="utf-8"), re.S))
     if len(found) != 1:

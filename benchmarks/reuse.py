@@ -36,7 +36,7 @@ LEVELS = {
     "reflections": replace(ALL_REUSE, reflections=False),
     "pixels": replace(ALL_REUSE, pixels=False),
 }
-WARM = 3  # frames after which a camera at rest has everything that it keeps
+WARM = 3  # frames after which temporal reuse of a static camera is complete
 
 
 def main() -> None:

@@ -34,7 +34,7 @@ def text_of(found: dict[str, Any]) -> str:
 
 
 def textures_table(found: dict[str, Any]) -> list[str]:
-    """List the times of frames with other textures, and the plain script's frames as multiples of them."""
+    """List the times of frames with other textures, and the plain script's frame time as a multiple of them."""
     weathers, plain = found["weathers"], found["plain"]
     stages = list(dict.fromkeys(stage for row in weathers.values() for stage in row))
     lines = [f"| a frame with a patch, CPU ms | {' | '.join(weathers)} |", "|---" * (1 + len(weathers)) + "|"]
@@ -45,15 +45,17 @@ def textures_table(found: dict[str, Any]) -> list[str]:
         lines.append("SceneView was not measured: PyTorch is not installed (`make test-torch` installs it)")
     lines.append("")
     for name, frames in plain.items():
-        lines.append(f"- plain script, {name}, CPU ms a frame, by turn: {', '.join(f'{ms:.0f}' for ms in frames)}")
+        lines.append(
+            f"- plain script, {name}, CPU ms a frame, in alternating runs: {', '.join(f'{ms:.0f}' for ms in frames)}"
+        )
         for weather, row in weathers.items():
             ratios = [f"{slow / fast:.0f}" for slow, fast in zip(frames, row["update"], strict=True)]
-            lines.append(f"- times an update, {weather}, by turn: {', '.join(ratios)}")
+            lines.append(f"- times an update, {weather}, in alternating runs: {', '.join(ratios)}")
     return lines
 
 
 def texture_goals(found: dict[str, Any]) -> list[tuple[str, str]]:
-    """What texture updates and `SceneView` reached, in the weather that takes longer."""
+    """Return the results of texture updates and `SceneView` beside their goals, in the slower weather."""
     rows = []
     for name, frames in found["plain"].items():
         ratios = [
@@ -76,11 +78,11 @@ def _goals(found: dict[str, Any]) -> list[str]:
     peak = max(row["peak"] for row in (*found["ours"].values(), *found["town"].values()))
     rows = [
         *_times("listing: 20 times the plain script", two, found["plain"], "TinyRenderer"),
-        *_times("listing: 4 times the same through EGL", two, found["plain"], "EGL"),
+        *_times("listing: 4 times the plain script through EGL", two, found["plain"], "EGL"),
         *_times("town, moving camera: 10 times the plain script", town, found["town plain"], "TinyRenderer"),
         *[(f"an additional weather, {n}: 0.6 of the first", _middle(r["shares"])) for n, r in found["further"].items()],
         *[
-            (f"the same, {n}: 0.6 of a first at its own goal", _middle(_owed(r, found)))
+            (f"an additional weather, {n}: 0.6 of a first that just meets its goal", _middle(_share_of_goal(r, found)))
             for n, r in found["further"].items()
         ],
         (
@@ -88,7 +90,10 @@ def _goals(found: dict[str, Any]) -> list[str]:
             f"{_mean(found):.2f}",
         ),
         ("twelve weathers: 8 times one (the mean of the twelve, each built alone)", f"{_twelve(found):.1f}"),
-        ("2 workers: 1.9 times one, while frames are made (the mean of turns)", f"{sum(turns) / len(turns):.2f}"),
+        (
+            "2 workers: 1.9 times one, while frames are rendered (mean of alternating runs)",
+            f"{sum(turns) / len(turns):.2f}",
+        ),
         ("memory of a worker: under 1,536 MiB", f"{peak:.0f} MiB"),
         *texture_goals(found["textures"]),
     ]
@@ -99,7 +104,7 @@ def _middle(values: list[float]) -> str:
     return f"{statistics.median(values):.2f}"
 
 
-def _owed(row: dict[str, Any], found: dict[str, Any]) -> list[float]:
+def _share_of_goal(row: dict[str, Any], found: dict[str, Any]) -> list[float]:
     """Share of an additional weather in the cost of a first one that just meets its goal, 20 times the script."""
     plain = found["plain"]["TinyRenderer, shadows"]
     allowed = 2 * plain["steady"] / plain["frames"] / 20
@@ -171,14 +176,16 @@ def _ratios(found: dict[str, Any]) -> list[str]:
         for name, plain in found["plain"].items()
     ]
     lines.append(
-        f"- 2 workers: {two['fps'] / one['fps']:.2f} times 1 worker, the simulation of the clip and the end included"
+        f"- 2 workers: {two['fps'] / one['fps']:.2f} times 1 worker, including the simulation and the end of the build"
     )
-    lines.append(f"- 2 workers, turn by turn: {', '.join(f'{ratio:.2f}' for ratio in found['workers'])}")
+    lines.append(f"- 2 workers, alternating runs: {', '.join(f'{ratio:.2f}' for ratio in found['workers'])}")
     for name, row in found["further"].items():
-        told = ", ".join(
+        figures = ", ".join(
             f"{1000 * each:.0f} ({share:.2f})" for each, share in zip(row["seconds"], row["shares"], strict=True)
         )
-        lines.append(f"- {name} on top of the first weather, turn by turn, ms a frame (share of the first): {told}")
+        lines.append(
+            f"- {name} in addition to the first weather, alternating runs, ms a frame (share of the first): {figures}"
+        )
     least = min(found["twelve"]["alone"])
     lines.append(
         f"- twelve weathers at once: {found['twelve']['together'] / least:.1f} times the cheapest of them alone"

@@ -20,7 +20,7 @@ def test_goals_apply_to_the_slower_weather() -> None:
     assert (ratio, passes) == ("45", "42 ms")
     table = textures_table(FOUND)
     assert "| update | 10.0 | 20.0 |" in table
-    assert "- times an update, rainy, by turn: 45, 40, 220" in table
+    assert "- times an update, rainy, in alternating runs: 45, 40, 220" in table
 
 
 def test_the_table_states_that_pytorch_is_not_installed() -> None:

@@ -94,7 +94,7 @@ class ShadingPass:
         """Return what shading reads besides the samples of an observation."""
         with self._timings("shadows"):
             beams = self._sources.beams(obs, light)
-        with self._timings("nearby"):
+        with self._timings("cull lights"):
             nearby = self._sources.nearby(obs, light.lamps_burn)
         with self._timings("shade"):
             surface_colours, patches = self._colours_of(appearance, frame)

@@ -159,7 +159,7 @@ class Sampler:
         """Return a frame's samples: those of the base, and new ones where moving objects are visible."""
         scene, before = self._scene(obs), base.touched
         if antialias:
-            with self._timings("restore"):
+            with self._timings("restore samples"):
                 passes.restore_keys(self._tiles(before), base.still.fine, obs.camera, base.fine, self._device)
             self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
@@ -190,13 +190,13 @@ class Sampler:
         size = len(tiles) * int(label_kernels.TILE_PIXELS)
         first = 0 if base is None else base.count
         counts = wp.empty(size, dtype=wp.int32, device=self._device)
-        with self._timings("group"):
+        with self._timings("group samples"):
             outputs = groups, starts, counts
             passes.count_samples(corners, coarse, fine, camera, side, scene, still, *outputs, self._device)
             found = counts.numpy()
             ends = np.cumsum(found, dtype=np.int32) + np.int32(first)
             count = int(ends[-1]) if size else first
-        with self._timings("place"):
+        with self._timings("emit samples"):
             columns = SampleColumns(count + room, self._device) if base is None else self._with_capacity(base, count)
             if count > first:
                 firsts: wp.array[wp.int32] = wp.array(ends - found, dtype=wp.int32, device=self._device)
@@ -213,7 +213,7 @@ class Sampler:
 
     def _evaluate(self, obs: Observation, scene: DeviceArray, columns: SampleColumns, first: int, count: int) -> None:
         """Evaluate samples from `first` on."""
-        with self._timings("survey"):
+        with self._timings("evaluate samples"):
             passes.evaluate_samples(first, count, obs.camera, scene, columns, self._device)
 
     def _scene(self, obs: Observation) -> DeviceArray:
