@@ -28,15 +28,24 @@ help:  ## list the targets
 demo: install  ## install, then build recipes/weather_sweep.yaml into datasets/
 	$(BIN)/recipe build recipes/weather_sweep.yaml
 
-test: install-dev check  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
-	$(BIN)/python -m pytest -q $(PARALLEL) --durations=15
+test: install-dev lint  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
+	$(MAKE) --no-print-directory -j 2 types pytest
 	$(BIN)/recipe verify $(RECIPES)
 	$(if $(SAMPLED),$(BIN)/recipe verify --frames 2 $(SAMPLED))
 
-check: install-dev  ## lint, formatting and strict types
+check: lint types  ## lint, formatting and strict types
+
+# Parts of the two targets above. `make test` type-checks on one core while kernels are compiled on the other.
+.PHONY: lint types pytest
+lint: install-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: install-dev
 	$(BIN)/mypy
+
+pytest: install-dev
+	$(BIN)/python -m pytest -q $(PARALLEL) --durations=15
 
 install: $(VENV)/.installed  ## a virtual environment with the `recipe` command
 
