@@ -28,15 +28,27 @@ help:  ## list the targets
 demo: install  ## install, then build recipes/weather_sweep.yaml into datasets/
 	$(BIN)/recipe build recipes/weather_sweep.yaml
 
-test: install-dev check  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
-	$(BIN)/python -m pytest -q $(PARALLEL) --durations=15
-	$(BIN)/recipe verify $(RECIPES)
-	$(if $(SAMPLED),$(BIN)/recipe verify --frames 2 $(SAMPLED))
+test: install-dev lint  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
+	$(MAKE) --no-print-directory -j 2 types pytest verify-sample
 
-check: install-dev  ## lint, formatting and strict types
+check: lint types  ## lint, formatting and strict types
+
+# Parts of the two targets above. In `make test`, types are checked and then frames verified beside the tests, by one
+# process each: on two cores none is ever idle.
+.PHONY: lint types pytest verify-sample
+lint: install-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: install-dev
 	$(BIN)/mypy
+
+pytest: install-dev
+	$(BIN)/python -m pytest -q $(PARALLEL) --durations=15
+
+verify-sample: install-dev
+	$(BIN)/recipe verify --workers 1 $(RECIPES)
+	$(if $(SAMPLED),$(BIN)/recipe verify --workers 1 --frames 2 $(SAMPLED))
 
 install: $(VENV)/.installed  ## a virtual environment with the `recipe` command
 

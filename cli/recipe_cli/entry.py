@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 
 
 def main() -> None:
     """Import and run the command; exit code 130 if that is interrupted."""
+    gc.set_threshold(200_000)  # as in child processes (core.subprocesses)
     try:
         from recipe_cli.main import main as run
 

@@ -22,8 +22,9 @@ from recipe_runtime.core.transforms import invert, part_transforms
 from recipe_runtime.frames.portrait import matrices
 from recipe_runtime.meshes import actor_body
 from recipe_runtime.meshes.mesh import Body
-from recipe_runtime.simulation.process import simulate
 from recipe_runtime.simulation.terrain import Ground
+
+from tests.runtime.simulation.in_process import simulate
 
 TOWN = towns.build("downtown", 0, {"blocks": [2, 2]})
 GROUND = Ground(TOWN.plan)

@@ -173,7 +173,7 @@ output: {annotations: [kwcoco, coco]}
 @pytest.mark.slow
 def test_a_dataset_with_distortion_passes_verification(tmp_path: Path) -> None:
     (tmp_path / "bent.yaml").write_text(BENT)
-    build(compile_recipe(tmp_path / "bent.yaml").plan, tmp_path / "out", workers=1)
+    build(compile_recipe(tmp_path / "bent.yaml").plan, tmp_path / "out", workers=0)
     found = [problems(path, tmp_path / "out") for path in sorted((tmp_path / "out").rglob("coco/*.json"))]
     assert found and not any(found)
     assert problems(tmp_path / "out" / "annotations" / "kwcoco.json") == []

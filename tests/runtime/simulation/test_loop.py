@@ -12,9 +12,9 @@ from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Pose, ScenePlan, 
 from recipe_compiler.library import towns
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.simulation.neighbours import NeighbourGrid
-from recipe_runtime.simulation.process import simulate
 from recipe_runtime.simulation.terrain import Ground
 
+from tests.runtime.simulation.in_process import simulate
 from tests.runtime.simulation.test_collisions import actor, run, simulation
 
 FLAT = TownPlan(name="flat", elements=())

@@ -18,8 +18,10 @@ from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.core.trace import METRE, UNIT, Trace, TraceWriter
 from recipe_runtime.core.transforms import part_transforms
-from recipe_runtime.simulation.process import PINNED, simulate
+from recipe_runtime.simulation import process
 from recipe_runtime.simulation.recording import snap
+
+from tests.runtime.simulation.in_process import simulate
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
 
@@ -59,7 +61,7 @@ def base(trace: Trace, name: str) -> NDArray[np.float64]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tunables", [None, "glibc.malloc.check=0", PINNED["GLIBC_TUNABLES"]])
+@pytest.mark.parametrize("tunables", [None, "glibc.malloc.check=0", process.PINNED["GLIBC_TUNABLES"]])
 def test_bits_do_not_depend_on_the_parents_environment(tunables: str | None) -> None:
     code = (
         "import sys; from recipe_compiler.ir.plan import ScenePlan;"
@@ -70,17 +72,21 @@ def test_bits_do_not_depend_on_the_parents_environment(tunables: str | None) -> 
     if tunables is not None:
         environment["GLIBC_TUNABLES"] = tunables
     environment["PYTHONHASHSEED"] = "77"
-    small = scene(HERO1, HERO2, CAR, frames=12)
     done = subprocess.run(
         [sys.executable, "-c", code],
-        input=small.model_dump_json(),
+        input=scene(HERO1, HERO2, CAR, frames=12).model_dump_json(),
         capture_output=True,
         text=True,
         env=environment,
         check=True,
     )
-    assert done.stdout == simulate(small).digest + "\n"  # and the line that PyBullet prints on import is suppressed
+    assert done.stdout == _twelve().digest + "\n"  # and the line that PyBullet prints on import is suppressed
     assert done.stderr == ""
+
+
+@cache
+def _twelve() -> Trace:
+    return process.simulate(scene(HERO1, HERO2, CAR, frames=12))
 
 
 @pytest.mark.slow
@@ -209,20 +215,20 @@ def test_rotations_are_unit_quaternions_with_a_fixed_sign() -> None:
 @pytest.mark.slow
 def test_progress_is_reported() -> None:
     heard: list[tuple[int, int]] = []
-    simulate(scene(HERO1, frames=3), lambda done, steps: heard.append((done, steps)))
+    process.simulate(scene(HERO1, frames=3), lambda done, steps: heard.append((done, steps)))
     assert heard == [(0, 16), (8, 16), (16, 16)]
 
 
 def test_a_hanging_simulation_is_stopped() -> None:
     with pytest.raises(RunError, match=r"took more than 0 s and was stopped"):
-        simulate(scene(HERO1, frames=300), timeout=0.05)
+        process.simulate(scene(HERO1, frames=300), timeout=0.05)
 
 
 @pytest.mark.slow
 def test_an_error_of_the_simulation_is_reported() -> None:
     shapeless = HERO1.model_copy(update={"shape": {}})
     with pytest.raises(RunError, match=r"^the simulation ended with exit code 1: KeyError: 'height'$"):
-        simulate(scene(shapeless, frames=2))
+        process.simulate(scene(shapeless, frames=2))
 
 
 @pytest.mark.slow
@@ -232,7 +238,7 @@ def test_the_error_names_a_full_temporary_folder(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(TraceWriter, "write", full)
     with pytest.raises(RunError, match=r"cannot write .* temporary folder .*: No space left on device; .* TMPDIR"):
-        simulate(scene(frames=2))
+        process.simulate(scene(frames=2))
 
 
 @pytest.mark.slow
@@ -273,7 +279,7 @@ def test_an_actor_without_a_route_stands_still() -> None:
 
 @pytest.mark.slow
 def test_an_empty_scene_has_an_empty_trace() -> None:
-    assert simulate(scene(frames=3)).positions.shape == (3, 0, 3)
+    assert process.simulate(scene(frames=3)).positions.shape == (3, 0, 3)
 
 
 @pytest.mark.slow

@@ -16,12 +16,13 @@ from recipe_compiler.ir.signals import may_walk
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.process import simulate
 from recipe_runtime.simulation.terrain import Ground
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 from recipe_runtime.simulation.walking.avoidance import Disc, Scene, choose
 from recipe_runtime.simulation.walking.crossings import Crossing, Crossings
 from recipe_runtime.simulation.walking.surroundings import Surroundings
+
+from tests.runtime.simulation.in_process import simulate
 
 Array = NDArray[np.float64]
 Way = tuple[tuple[float, float], ...]
