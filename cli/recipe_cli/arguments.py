@@ -25,11 +25,24 @@ Command = TypeVar("Command", bound=Callable[..., object])
 PathText: TypeAlias = "str | PathLike[str]"
 
 
+def _check_not_empty(value: object, param: click.Parameter | None, ctx: click.Context | None) -> None:
+    """Raise a usage error for an empty text, which would be the current folder or the default."""
+    if value == "":
+        raise click.BadParameter("it is empty; give a path, or . for the current folder", ctx, param)
+
+
 class _AnyPath(click.Path):
     """A path. What reads it reports one that this user may not read, with a remedy."""
 
     def __init__(self, *, file_okay: bool = True, dir_okay: bool = True, path_type: type[Path] = Path) -> None:
         super().__init__(file_okay=file_okay, dir_okay=dir_okay, readable=False, path_type=path_type)
+
+    def convert(
+        self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | PathLike[str]:
+        """A `Path`; a usage error for an empty text."""
+        _check_not_empty(value, param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class LocalPath(_AnyPath):
@@ -89,7 +102,12 @@ def output_option(
     kind: click.Path | click.types.StringParamType, help: str, metavar: str | None = None
 ) -> Callable[[Command], Command]:
     """Return the option that says where a command writes: `-o` and `--output`; `--out` is an alias."""
-    return click.option("-o", "--output", "--out", "output", type=kind, metavar=metavar, help=help)
+
+    def checked(context: click.Context, option: click.Parameter, value: object) -> object:
+        _check_not_empty(value, option, context)
+        return value
+
+    return click.option("-o", "--output", "--out", "output", type=kind, metavar=metavar, help=help, callback=checked)
 
 
 class PlaceOrUrl(_AnyPath):

@@ -30,11 +30,14 @@ def print_problems(severity: str, problems: Sequence[Problem]) -> None:
     """Print problems on standard error, at most MAX_SHOWN of them, and how many more there are."""
     from recipe_compiler.ir.errors import MAX_SHOWN
 
-    for number, problem in enumerate(problems[:MAX_SHOWN]):
-        if number:
-            say(err=True)
-        for line in _lines(severity, problem):
+    shown = problems[:MAX_SHOWN]
+    for number, problem in enumerate(shown):
+        following = shown[number + 1] if number + 1 < len(shown) else None
+        advised = following is None or not _share_remedy(problem, following)
+        for line in _lines(severity, problem, remedy(problem) if advised else None):
             say(*line, err=True)
+        if advised and following is not None:
+            say(err=True)
     rest = len(problems) - MAX_SHOWN
     if rest > 0:
         say(Styled(severity, COLOURS[severity]), f": and {count(rest, severity)} more; --json lists all", err=True)
@@ -45,7 +48,12 @@ def remedy(problem: Problem) -> str | None:
     return option_help(problem) or problem.help
 
 
-def _lines(severity: str, problem: Problem) -> list[tuple[str | Styled, ...]]:
+def _share_remedy(problem: Problem, following: Problem) -> bool:
+    """Return whether one remedy, after the second problem, is enough: both have it, and no place of their own."""
+    return problem.place is None and following.place is None and remedy(problem) == remedy(following)
+
+
+def _lines(severity: str, problem: Problem, advice: str | None) -> list[tuple[str | Styled, ...]]:
     lines: list[tuple[str | Styled, ...]] = [
         (Styled(f"{severity}[{problem.code}]", COLOURS[severity]), ": ", problem.message)
     ]
@@ -60,7 +68,6 @@ def _lines(severity: str, problem: Problem) -> list[tuple[str | Styled, ...]]:
             lines.append((Styled(f"{margin} |", "blue"), " ", Styled(caret, COLOURS[severity])))
     if problem.note:
         lines.append((Styled("note", "blue"), ": ", problem.note))
-    advice = remedy(problem)
     if advice:
         lines.append((Styled("help", "cyan"), ": ", advice))
     return lines

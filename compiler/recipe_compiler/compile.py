@@ -23,7 +23,7 @@ from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
-from recipe_compiler.lowering import asset_files, placement, workload
+from recipe_compiler.lowering import asset_files, placement, plausibility, workload
 from recipe_compiler.lowering.lower import Lowering
 from recipe_compiler.lowering.patches import texture_files
 from recipe_compiler.schema.messages import nearest, translate
@@ -135,7 +135,7 @@ def _compile(
     )
     cost = _cost(plans, recipe.output.depth, texels, estimate)
     clashes = expand.clashes(root, axes, recipe.sweep)
-    warnings = _sorted(clashes, warnings)
+    warnings = _sorted(clashes, plausibility.of_weather(root), warnings)
     files = dict(sorted(sources.files.items()))
     return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
 

@@ -339,3 +339,17 @@ def test_options_are_added_to_the_remedies_of_output_in_the_way(remedy: str, sho
 def test_the_command_that_writes_traces_is_added() -> None:
     problem = Problem("x.traces: damaged", help="lock the recipe again, with traces", code=Code.INVALID_LOCKFILE)
     assert option_help(problem) == "lock the recipe again, with traces (`recipe lock --update --with-traces`)"
+
+
+def test_a_remedy_that_problems_share_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """`build --locked` reports each difference from the lockfile, and one command updates it."""
+    help = "`recipe lock --update` locks the recipe's current content"
+    found = [Problem(f"a.lock: plan: {n}", help=help, code=Code.OUTDATED_LOCKFILE) for n in range(3)]
+    diagnostics.print_problems("error", [*found, Problem("b.lock is gone", help="copy it", code=Code.FILE_NOT_FOUND)])
+    assert capsys.readouterr().err.splitlines() == [
+        *(f"error[outdated-lockfile]: a.lock: plan: {n}" for n in range(3)),
+        f"help: {help}",
+        "",
+        "error[file-not-found]: b.lock is gone",
+        "help: copy it",
+    ]

@@ -86,6 +86,10 @@ def test_a_url_with_one_slash_is_refused(project: Path, monkeypatch: pytest.Monk
         (("verify", "mine.yaml", "--all", "--frames", "3"), "--all checks every frame", "give one of the two"),
         (("shot", "plaza"), "plaza: there is no such file", "add --map to draw the town"),
         (("check", "datasets"), "datasets: is a folder", "name a recipe file"),
+        (("check", ""), "invalid value for 'RECIPES...': it is empty", "give a path, or . for"),
+        (("shot", "mine.yaml", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
+        (("build", "mine.yaml", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
+        (("surfaces", "plaza", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
     ],
 )
 def test_wrong_usage_is_reported_in_plain_words(

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
+from recipe_cli.commands import surfaces
 from recipe_cli.commands.surfaces import command
+from recipe_cli.words import option_help
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.limits import Memory
 
 from tests.sources import ROOT
 
@@ -78,6 +81,25 @@ def test_a_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=rf"vehicle\.bus\.city\.body\.png exists already; {remedy}"):
         run("vehicle.bus.city", "-o", str(tmp_path))
     assert (tmp_path / "vehicle.bus.city.body.png").read_text() == "precious"
+
+
+def test_pictures_of_a_large_town_are_estimated_first(tmp_path: Path) -> None:
+    """1,879 pictures: nothing is listed or written before the time is known."""
+    base = "town: {name: downtown, blocks: [8, 8]}"
+    (tmp_path / "large.yaml").write_text(
+        f"recipe: large\nseed: 1\nbase:\n  clock: {{fps: 10, frames: 1}}\n  {base}\n  sensors:\n    eye:\n"
+        "      mount: {x: 0, y: 0, z: 2}\n      camera: {width: 64, height: 48, fov: 80}\n      capture: [rgb]\n"
+    )
+    with pytest.raises(InputError, match=r"for 1,8\d\d pictures, about 1\d minutes of one core are over 5") as caught:
+        run(str(tmp_path / "large.yaml"), "-o", str(tmp_path / "out"))
+    assert caught.value.problems[0].code == "size-limit" and not (tmp_path / "out").exists()
+    assert option_help(caught.value.problems[0]) == "give a pattern that selects fewer names, or give --allow-large"
+
+
+def test_pictures_that_exceed_the_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surfaces, "memory", lambda workers: Memory(8 << 30, 600 << 20, workers))
+    with pytest.raises(InputError, match=r"for 2 pictures, about 6\d\d MiB of memory are over the 600 MiB"):
+        run(str(POSTER), "wall.1", "-o", str(tmp_path / "out"))
 
 
 @pytest.mark.slow

@@ -14,13 +14,17 @@ from recipe_compiler.ir.plurals import count
 from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, REPLACE, VARIANT, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say
+from recipe_cli.places import memory
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.patches import PatchFace, PatchPlan
     from recipe_compiler.ir.plan import ActorPlan, Looks, ScenePlan
-    from recipe_compiler.library.surfaces import Surface
+    from recipe_compiler.library.surfaces import Surface, WholeSurface
+
+    from recipe_cli.progress import Progress
 
 _PICTURES_PER_SHEET = 48
+_TIME_LIMIT, _MAP_SECONDS = 300.0, 0.3  # of one core: for all pictures; a texture map
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ def command(
     scene, looks, bodies = _found(where, variant, allow_large)
     bodies = [body for body in bodies if fnmatchcase(body.name, pattern)]
     _check_some(where, pattern, bodies)
+    if output is not None and not allow_large:
+        _check_cost(where, scene, bodies)
     if not as_json:
         _print_table(bodies)
     if output is not None:
@@ -110,6 +116,29 @@ def _check_some(where: str, pattern: str, bodies: list[_Body]) -> None:
     if not bodies:
         message = f"{where}: no body with a surface matches {pattern!r}"
         raise InputError(message, help="omit the pattern to list all", code=Code.UNKNOWN_NAME)
+
+
+def _check_cost(where: str, scene: ScenePlan | None, bodies: list[_Body]) -> None:
+    """Raise InputError if the pictures take more time than the limit, or more memory than this host has."""
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.limits import size
+    from recipe_runtime.frames.surface_views import ViewsCost, estimated_cost
+
+    maps, views = len(_texture_maps(bodies)), 0 if scene is None else len(_static_patches(bodies))
+    cost = ViewsCost(0.0, 0) if scene is None else estimated_cost(scene, views)
+    seconds, host = cost.seconds + maps * _MAP_SECONDS, memory(workers=1)
+    reasons = []
+    if seconds > _TIME_LIMIT:
+        reasons.append(f"about {seconds / 60:.0f} minutes of one core are over {_TIME_LIMIT / 60:.0f}")
+    room = min(amount for amount in (host.total, host.process, 1 << 60) if amount is not None)
+    if cost.memory > room:
+        reasons.append(f"about {size(cost.memory)} of memory are over the {size(room)} of this host")
+    if reasons:
+        raise InputError(
+            f"{where}: for {count(maps + views, 'picture')}, {', and '.join(reasons)}",
+            help="give a pattern that selects fewer names" if seconds > _TIME_LIMIT else "use a host with more memory",
+            code=Code.SIZE_LIMIT,
+        )
 
 
 def _row(body: _Body, surface: Surface) -> dict[str, object]:
@@ -166,27 +195,36 @@ def _face(surface: object) -> PatchFace:
 
 
 def _draw(scene: ScenePlan | None, looks: Looks | None, bodies: list[_Body], folder: Path, replace: bool) -> None:
-    from recipe_compiler.library.surfaces import WholeSurface
     from recipe_runtime.core.outputs import check_output, write_output
     from recipe_runtime.meshes.actors import actor_body
     from recipe_runtime.report.texture_maps import texture_map
 
-    mapped = [(b, s) for b in bodies if b.actor is not None for s in b.surfaces if isinstance(s, WholeSurface)]
+    from recipe_cli.progress import Progress
+
+    mapped = _texture_maps(bodies)
     flat = _static_patches(bodies) if scene is not None else []
     sheets = [flat[n : n + _PICTURES_PER_SHEET] for n in range(0, len(flat), _PICTURES_PER_SHEET)]
     maps = {folder / f"{body.name}.{surface.name}.png": (body, surface) for body, surface in mapped}
     pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]
     for path in (*maps, *pages):
         check_output(path, replace=replace, help="choose another folder (--output), or replace its files (--replace)")
-    with writing(folder):
+    with writing(folder), Progress() as progress:
         folder.mkdir(exist_ok=True)
-        for path, (body, surface) in maps.items():
+        for done, (path, (body, surface)) in enumerate(maps.items()):
+            progress("maps", done, len(maps))
             assert body.actor is not None
             mesh = actor_body(body.actor)
             write_output(path, texture_map(surface.islands, surface.aspect, mesh, surface.slots), replace=replace)
         if scene is not None and looks is not None:
-            _draw_sheets(scene, looks, dict(zip(pages, sheets, strict=True)), replace)
+            _draw_sheets(scene, looks, dict(zip(pages, sheets, strict=True)), progress, replace)
     say(f"{folder}: {count(len(maps), 'texture map')}, {count(len(pages), 'sheet')}", err=True)
+
+
+def _texture_maps(bodies: list[_Body]) -> list[tuple[_Body, WholeSurface]]:
+    """The surfaces of actors that are texture maps."""
+    from recipe_compiler.library.surfaces import WholeSurface
+
+    return [(b, s) for b in bodies if b.actor is not None for s in b.surfaces if isinstance(s, WholeSurface)]
 
 
 def _static_patches(bodies: list[_Body]) -> list[PatchPlan]:
@@ -203,21 +241,20 @@ def _static_patches(bodies: list[_Body]) -> list[PatchPlan]:
     ]
 
 
-def _draw_sheets(scene: ScenePlan, looks: Looks, sheets: dict[Path, list[PatchPlan]], replace: bool) -> None:
+def _draw_sheets(
+    scene: ScenePlan, looks: Looks, sheets: dict[Path, list[PatchPlan]], progress: Progress, replace: bool
+) -> None:
     from recipe_runtime.core.outputs import write_output
     from recipe_runtime.frames.surface_views import surface_views
     from recipe_runtime.report.catalogue import sheet
 
-    from recipe_cli.progress import Progress
-
     every = [patch for patches in sheets.values() for patch in patches]
     views, done = surface_views(scene, looks, every), 0
-    with Progress() as progress:
-        for path, patches in sheets.items():
-            drawn = []
-            for patch in patches:
-                progress("pictures", done, len(every))
-                drawn.append((patch.name, next(views)))
-                done += 1
-            write_output(path, sheet(drawn), replace=replace)
-        progress("pictures", done, len(every))
+    for path, patches in sheets.items():
+        drawn = []
+        for patch in patches:
+            progress("pictures", done, len(every))
+            drawn.append((patch.name, next(views)))
+            done += 1
+        write_output(path, sheet(drawn), replace=replace)
+    progress("pictures", done, len(every))

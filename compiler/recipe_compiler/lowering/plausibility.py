@@ -9,6 +9,7 @@ from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import ActorPlan, Pose, RigPlan
 from recipe_compiler.source.yaml_reader import Value
 
+_PERCENT = ("cloudiness", "precipitation", "precipitation_deposits", "fog_density", "wetness", "dust_storm")
 FASTEST_RUNNER = 12.5  # m/s
 _DEGREES = 57.29577951308232  # of a radian
 NARROWEST = 5.0  # degrees; smaller fields of view are telescopes, or radians
@@ -24,6 +25,20 @@ def of_speeds(base: Value, actors: Iterable[ActorPlan]) -> Iterator[Problem]:
             message = f"actors.{actor.name}.speed: no pedestrian runs at {actor.speed:g} m/s"
             place = base.place_of("actors", actor.name, "speed")
             yield Problem(message, place, "walking is 1 to 2 m/s, running is 3 to 10 m/s", Code.IMPLAUSIBLE)
+
+
+def of_weather(root: Value) -> Iterator[Problem]:
+    """Yield warnings for percentages of weather between 0 and 1, as base and deltas have them; draws are left out."""
+    base, deltas = root.get("base"), root.get("deltas")
+    layers = [] if base is None else [base]
+    layers += [delta for values in deltas.map.values() for delta in values.map.values()] if deltas is not None else []
+    for layer in layers:
+        for name in _PERCENT:
+            value = layer.get("weather", name)
+            if value is not None and isinstance(value.data, float) and 0.0 < value.data < 1.0:
+                message = f"weather.{name}: {value.data:g} is very little: CARLA's scale is 0 to 100"
+                remedy = f"write {value.data * 100.0:g} if it is a fraction of 1"
+                yield Problem(message, value.place, remedy, Code.IMPLAUSIBLE)
 
 
 def of_views(base: Value, rig: RigPlan, actors: Iterable[ActorPlan], frames: int) -> Iterator[Problem]:

@@ -9,7 +9,8 @@ only actors that affect another actor's plan. Routes of traffic ignore vehicles,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import Obstacle
@@ -17,7 +18,7 @@ from recipe_compiler.ir.ground.path_planner import XY, Planner, TooManyObstacles
 from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
 from recipe_compiler.ir.plan_types import MAX_POINTS
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering.enclosures import Yards
+from recipe_compiler.lowering.enclosures import Cell, Yards
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 
@@ -103,8 +104,10 @@ class WalkingRoutes:
     def _lower_named(self, actor: ActorPlan, given: Actor) -> ActorPlan:
         """Check the start and the waypoints of an actor, and plan its route if it walks."""
         waypoints = [given.goal] if given.goal is not None else given.route or ()
-        goals = [self._refuses(actor, (p.x, p.y), _path(given, n)) for n, p in enumerate(waypoints)]
-        if (given.start is not None and self._refuses(actor, (actor.start.x, actor.start.y), ("start",))) or any(goals):
+        start = actor.start.x, actor.start.y
+        first = (waypoints[0].x, waypoints[0].y) if waypoints else None
+        goals = [self._refuses(actor, (p.x, p.y), _path(given, n), start) for n, p in enumerate(waypoints)]
+        if (given.start is not None and self._refuses(actor, start, ("start",), first)) or any(goals):
             return actor
         planned = actor.category == "pedestrian" and actor.route
         if given.start is not None and not (planned and waypoints):
@@ -113,18 +116,36 @@ class WalkingRoutes:
             return actor
         return self._routed(actor, given) if waypoints else self._walking(actor)
 
-    def _refuses(self, actor: ActorPlan, at: XY, path: Path) -> bool:
-        """Report a start or a waypoint inside something solid: for a vehicle, its middle."""
+    def _refuses(self, actor: ActorPlan, at: XY, path: Path, other: XY | None) -> bool:
+        """Report a start or a waypoint inside something solid: for a vehicle, its middle.
+
+        Args:
+            actor: the actor.
+            at: the start or the waypoint.
+            path: where it is in the recipe.
+            other: the first waypoint for a start, the start for a waypoint; the suggested place is in the same yard,
+                or in none.
+        """
         solid = self._named.inside(*at) if actor.category == "pedestrian" else self._crowd.inside(*at, 0.0)
         if solid is None:
             return False
         try:
-            free = self._named.nearest_free(*at, work=self._remedies)
+            free = self._named.nearest_free(*at, self._in_yard_of(other), self._remedies)
         except TooMuchWorkError:
             free = None
         remedy = _MOVE if free is None else _NEAREST.format(*free)
         self._refuse((actor.name, *path), f"it is inside {solid.name}", remedy)
         return True
+
+    def _in_yard_of(self, place: XY | None) -> Callable[[float, float], bool]:
+        """Return whether a position is in the yard of a place; if that is in none, whether the position is in none."""
+        solid = place is None or self._named.inside(*place) is not None
+        own: AbstractSet[Cell] = frozenset() if solid or place is None else self._yards.around(*place)
+
+        def allowed(x: float, y: float) -> bool:
+            return self._yards.cell(x, y) in own if own else not self._yards.around(x, y)
+
+        return allowed
 
     def _warn_of_yard(self, actor: ActorPlan, *, routed: bool) -> None:
         """Warn of a start in a yard, unless a given route stays within it."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Callable
 
 from recipe_compiler.ir.errors import Code, Place, Problem
+from recipe_compiler.source.yaml_repair import misindented_line
 
 LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 
@@ -21,7 +23,9 @@ _DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt ].*)?\Z")
 FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
 
 
-def explain(problem: str, context: str, opened: int | None, text: str, place: Place) -> Problem:
+def explain(
+    problem: str, context: str, opened: int | None, text: str, place: Place, parses: Callable[[str], bool]
+) -> Problem:
     """The problem of a text that is not YAML.
 
     Args:
@@ -30,6 +34,7 @@ def explain(problem: str, context: str, opened: int | None, text: str, place: Pl
         opened: the line at which the construct starts, counted from 1.
         text: the whole text.
         place: where reading stopped.
+        parses: returns whether a text is YAML.
     """
     lines = LINE_BREAK.split(text)
     line = lines[place.line - 1] if place.line <= len(lines) else ""
@@ -42,7 +47,7 @@ def explain(problem: str, context: str, opened: int | None, text: str, place: Pl
         or _key_without_colon(problem, opened, lines, place)
         or _unquoted_colour(context, opened, lines, place)
     )
-    wrong = wrong or _interrupted_map(lines, place) or _indentation(lines, place)
+    wrong = wrong or _wrong_indentation(lines, place, parses)
     if wrong is not None:
         return wrong
     known = _known(problem, context, opened)
@@ -195,6 +200,28 @@ def _opens_map(lines: list[str], number: int, indent: int) -> bool:
     """Whether the entries below a line start in column `indent`."""
     below = next((line for line in lines[number:] if _is_entry(line)), "")
     return _column(below) == indent
+
+
+def _wrong_indentation(lines: list[str], place: Place, parses: Callable[[str], bool]) -> Problem | None:
+    """The one line with which the text is YAML if it is indented as another entry of its map or list.
+
+    Without such a line, a line that differs in its column from those about it.
+    """
+    found, interrupts = misindented_line(lines, place.line, parses), _interrupted_map(lines, place)
+    if interrupts is not None and interrupts.place is not None and found and found.line == interrupts.place.line:
+        return interrupts
+    if found is None:
+        return interrupts or _indentation(lines, place)
+    first, second = sorted((found.line, found.beside))
+    kind = "list" if found.is_list else "map"
+    columns = {found.line: _column(lines[found.line - 1]), found.beside: found.spaces}
+    what = (
+        f"wrong indentation: lines {first} and {second} belong to one {kind}, and start with"
+        f" {columns[first]} and {_spaces(columns[second])}"
+    )
+    start = Place(place.file, found.line, _column(lines[found.line - 1]) + 1)
+    remedy = f"give them the same indentation: start line {found.line} with {_spaces(found.spaces)}"
+    return Problem(what, start, remedy, Code.YAML_SYNTAX)
 
 
 def _indentation(lines: list[str], place: Place) -> Problem | None:

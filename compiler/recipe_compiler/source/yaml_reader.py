@@ -129,7 +129,7 @@ def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
         mark = error.problem_mark or error.context_mark
         place = Place(file, mark.line + 1, mark.column + 1) if mark else start
         opened = error.context_mark.line + 1 if error.context_mark else None
-        return None, [*reader.problems, explain(error.problem or "", error.context or "", opened, text, place)]
+        return None, [*reader.problems, explain(error.problem or "", error.context or "", opened, text, place, _parses)]
     except _StopError as stop:
         return None, [*reader.problems, stop.problem]
     if root is None and not reader.problems:
@@ -149,6 +149,14 @@ def _place_after(text: str, file: str) -> Place:
     """The place that follows a text from the start of a file."""
     before = LINE_BREAK.split(text)
     return Place(file, len(before), len(before[-1]) + 1)
+
+
+def _parses(text: str) -> bool:
+    """Return whether a text is YAML."""
+    try:
+        return sum(1 for _ in yaml.parse(text, Loader=yaml.SafeLoader)) > 0
+    except yaml.YAMLError:
+        return False
 
 
 class _StopError(Exception):

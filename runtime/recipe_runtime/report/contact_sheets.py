@@ -11,12 +11,14 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pycocotools.mask
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.records import LabelRecord, Video
@@ -43,17 +45,35 @@ class Cell:
     frame: int
 
 
+T = TypeVar("T")
 Size = tuple[int, int]  # width, height
 Picture = Callable[[Video, int], Path]  # returns the file of a video's RGB picture at a frame
 
 
 def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
-    """Return a PNG with the middle frame of every variant, from its first RGB camera, arranged by the axes."""
-    firsts = {v.variant: v for v in reversed(videos) if "rgb" in v.sensor.capture and v.frames}
-    shown = _thin([v for v in videos if firsts.get(v.variant) is v])
+    """Return a PNG with the middle frame of every RGB camera of every variant.
+
+    The variants are arranged by the axes, once for each camera: their first cameras, their second ones and so on.
+    """
+    cameras: dict[str, list[Video]] = {}
+    for video in videos:
+        if "rgb" in video.sensor.capture and video.frames:
+            cameras.setdefault(video.variant, []).append(video)
+    most = min(max(map(len, cameras.values()), default=1), _MAX_CELLS)
+    names = _thin(list(cameras), _MAX_CELLS // most)
+    places = _places(names)
+    rows, columns = (max((place[k] for place in places), default=0) + 1 for k in range(2))
+    across = _blocks_across(most, rows, columns)
     cells = [
-        Cell(video.variant, row, column, video, _middle(video))
-        for video, (row, column) in zip(shown, _places([v.variant for v in shown]), strict=True)
+        Cell(
+            name if most == 1 else video.name,
+            row + n // across * rows,
+            column + n % across * columns,
+            video,
+            _middle(video),
+        )
+        for name, (row, column) in zip(names, places, strict=True)
+        for n, video in enumerate(cameras[name][:most])
     ]
     return _sheet(title, cells, lambda cell, size: _scaled(_read(picture(cell.video, cell.frame)), size))
 
@@ -64,7 +84,7 @@ def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
     for video in videos:
         if "rgb" in video.sensor.capture and video.frames:
             seen.setdefault(_label_of(video), video)
-    shown = _thin(list(seen.values()))
+    shown = _thin(list(seen.values()), _MAX_CELLS)
     cells = [Cell(v.name, n // 3, n % 3, v, _middle(v)) for n, v in enumerate(shown)]
     return _sheet(title, cells, lambda cell, size: _overlay(_read(picture(cell.video, cell.frame)), cell, size))
 
@@ -73,9 +93,15 @@ def _label_of(video: Video) -> str:
     return "\n".join(str(record["digests"]["labels"]) for record in video.frames) + video.sensor.name
 
 
-def _thin(videos: list[Video]) -> list[Video]:
-    step = -(-len(videos) // _MAX_CELLS) or 1
-    return videos[::step]
+def _thin(items: list[T], most: int) -> list[T]:
+    step = -(-len(items) // most) or 1
+    return items[::step]
+
+
+def _blocks_across(blocks: int, rows: int, columns: int) -> int:
+    """Return how many blocks of rows and columns of cells are side by side, for an aspect ratio of 8:5 or more."""
+    fits = (c for c in range(1, blocks) if c * columns * 4 * 5 >= -(-blocks // c) * rows * 3 * 8)
+    return next(fits, blocks)
 
 
 def _middle(video: Video) -> int:
@@ -124,9 +150,18 @@ def _sheet(title: str, cells: Sequence[Cell], draw: Callable[[Cell, Size], Image
             pen.rectangle((*corner, corner[0] + width - 1, corner[1] + height - 1), fill=_EMPTY)
     for cell in cells:
         corner = _MARGIN + cell.column * step[0], _TITLE + cell.row * step[1]
-        sheet.paste(draw(cell, (width, height)), corner)
+        fit = _fit(cell.video.sensor.camera, (width, height))
+        sheet.paste(draw(cell, fit), (corner[0] + (width - fit[0]) // 2, corner[1] + (height - fit[1]) // 2))
         _caption(pen, cell.caption, (corner[0], corner[1] + height + 5), width)
     return codecs.png(np.asarray(sheet), level=6)
+
+
+def _fit(camera: CameraPlan, cell: Size) -> Size:
+    """Return the size of a camera's picture that fits into a cell."""
+    wide, high = cell[0], round(cell[0] * camera.height / camera.width)
+    if high > cell[1]:
+        wide, high = round(cell[1] * camera.width / camera.height), cell[1]
+    return max(1, wide), max(1, high)
 
 
 def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width: int) -> None:

@@ -13,7 +13,6 @@ its entries. Names and sizes are checked before contents are read.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 import tempfile
@@ -28,13 +27,16 @@ from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 
 from recipe_runtime.core.files import host_errors
+from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.transfer import stored_zip
 
 SUFFIX = ".recipe"
 MAX_BYTES = 512 << 20
-MAX_FILES = 2000
+MAX_FILES = 65_534  # a ZIP file has at most 65,535 entries, one of which is the index
+MAX_FOLDERS = 2_000
 _INDEX = "pack.json"
-_MAX_INDEX = 1 << 20  # bytes
+_MAX_PATH = 200  # characters
+_MAX_INDEX = 4096 + MAX_FILES * (_MAX_PATH + 70)  # bytes: a row holds a path and a SHA-256
 _FORMAT = "recipe/pack/1"
 _PART = re.compile(r"[A-Za-z0-9_+=,@ -][A-Za-z0-9._+=,@ -]*")
 _DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError)
@@ -134,7 +136,7 @@ def _load(file: BinaryIO) -> Pack:
     if size > MAX_BYTES:
         raise ValueError(f"it is larger than {MAX_BYTES >> 20} MiB")
     row, body = stored_zip.read_entry(file, _INDEX, min(size, _MAX_INDEX))
-    index = json.loads(body)
+    index = loads(body, MAX_FILES + 10)
     if not isinstance(index, dict) or index.get("format") != _FORMAT:
         raise ValueError(f"its {_INDEX} is not of format {_FORMAT}")
     _check(index["recipe"], dict.fromkeys(index["files"], 0))  # names; the file's own size limits the sum
@@ -152,20 +154,26 @@ def _check(recipe: str, sizes: Mapping[str, int]) -> None:
     if not isinstance(recipe, str) or recipe not in sizes:
         raise InputError("the recipe is not among its files")
     if len(sizes) > MAX_FILES or sum(sizes.values()) > MAX_BYTES:
-        raise InputError(f"a pack holds at most {MAX_FILES} files and {MAX_BYTES >> 20} MiB")
+        raise InputError(f"a pack holds at most {MAX_FILES:,} files and {MAX_BYTES >> 20} MiB")
     taken: dict[str, str] = {}
     for path in sizes:
         parts = path.split("/")
-        if path == _INDEX or len(path) > 200 or not all(_PART.fullmatch(part) for part in parts):
+        if path == _INDEX or len(path) > _MAX_PATH or not all(_PART.fullmatch(part) for part in parts):
             raise InputError(
                 f"{path!r} cannot be a file of a pack; use letters, digits and ._+=,@- in names, and no dot first"
             )
-        for n in range(1, len(parts) + 1):  # no two names that differ in case only, no file that is a folder
+        for n in range(len(parts), 0, -1):  # no two names that differ in case only, no file that is a folder
             place = "/".join(parts[:n])
-            if taken.setdefault(place.casefold(), place) != place:
-                raise InputError(f"{path!r} and {taken[place.casefold()]!r} cannot both be in a pack; rename one")
             if n < len(parts) and place in sizes:
                 raise InputError(f"{place!r} cannot be a file and a folder of a pack")
+            other = taken.get(place.casefold())
+            if other == place:
+                break  # the folders above it are known
+            if other is not None:
+                raise InputError(f"{path!r} and {other!r} cannot both be in a pack; rename one")
+            taken[place.casefold()] = place
+        if len(taken) > len(sizes) + MAX_FOLDERS:
+            raise InputError(f"a pack holds at most {MAX_FOLDERS:,} folders")
 
 
 def _check_used(path: Path, pack: Pack, used_files: UsedFiles | None) -> None:

@@ -1,4 +1,8 @@
-"""The work folder of an export, next to its output, from which a rename publishes the export atomically."""
+"""The work folder of an export, next to its output, from which a rename publishes the export atomically.
+
+An export that is replaced is moved to a second folder there, and removed when the new one is in its place. If the
+process is killed in between, the next export moves it back.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,8 @@ from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset
 
-MARKER = ".dataset-recipe-export"  # a file in work folders of exports
+MARKER = ".dataset-recipe-export"  # a file in the folders that exports make next to their outputs
+_REPLACED = "export"  # the replaced export, in the second folder
 _MIN_BYTES_PER_VALUE = 20  # of an index: rows hold names and digests
 _MIN_INDEX_LIMIT = 16 << 20  # bytes
 
@@ -52,12 +57,7 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
     if work.is_symlink() or (work.exists() and not _is_work_folder(work, is_leftover)):
         raise InputError(f"{work} exists and is not the work folder of an export; move it away")
     work.mkdir(parents=True, exist_ok=True)
-    handle = open_folder(work)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise RunError(f"another export is writing {out}; wait for it, or choose another folder") from None
+    with _locked(work, out):
         (work / MARKER).touch()
         try:
             for path in sorted(work.iterdir()):
@@ -66,8 +66,58 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
             yield work
         finally:
             shutil.rmtree(work, ignore_errors=True)
-    finally:
-        os.close(handle)
+
+
+def publish(work: Path, out: Path, is_replaceable: Callable[[Path], bool] | None) -> None:
+    """Rename a work folder to `out`, in the place of the export that is there.
+
+    Args:
+        work: The work folder, with a complete export.
+        out: The output folder.
+        is_replaceable: Returns whether a folder still contains only the export to replace; None if there is none.
+
+    Raises:
+        InputError: The export to replace has other files by now; it stays.
+        OSError: The host cannot rename a folder; the old export stays.
+    """
+    if is_replaceable is None:
+        work.rename(out)
+    else:
+        aside = _aside(out)
+        aside.mkdir(exist_ok=True)
+        with _locked(aside, out):
+            (aside / MARKER).touch()
+            out.rename(aside / _REPLACED)
+            try:
+                if not is_replaceable(aside / _REPLACED):
+                    raise InputError(
+                        f"{out} was changed during the export",
+                        help="move the files away that do not belong to it, or choose another folder",
+                        code=Code.OUTPUT_IN_THE_WAY,
+                    )
+                work.rename(out)
+            finally:
+                _settle(aside, out)
+    (out / MARKER).unlink()
+
+
+def recover(out: Path) -> None:
+    """Complete what an export that was killed while it replaced another one left.
+
+    If the new export is not in its place, the old one is moved back; else the old one is removed.
+
+    Raises:
+        InputError: The folder for replaced exports exists and was not made by an export.
+        RunError: Another export uses it.
+    """
+    aside = _aside(out)
+    if aside.is_symlink() or (aside.exists() and not _is_aside(aside)):
+        raise InputError(f"{aside} exists and is not the folder of a replaced export; move it away")
+    if aside.exists():
+        with _locked(aside, out):
+            _settle(aside, out)
+    if is_folder(out) and regular_file(out, MARKER) is not None:
+        (out / MARKER).unlink()
 
 
 def read_index(out: Path, name: str, dataset: Dataset, bytes_per_frame: int) -> object:
@@ -104,3 +154,40 @@ def _is_work_folder(work: Path, is_leftover: Callable[[Path], bool]) -> bool:
     """Return whether a folder is empty, or contains only the marker and leftovers."""
     found = sorted(work.iterdir()) if is_folder(work) else [work]
     return not found or (regular_file(work, MARKER) is not None and is_leftover(work))
+
+
+def _aside(out: Path) -> Path:
+    """Return the folder to which a replaced export is moved."""
+    return out.with_name(f".{out.name}.replaced")
+
+
+def _is_aside(aside: Path) -> bool:
+    """Return whether a folder is empty, or contains only the marker and a replaced export."""
+    found = {path.name for path in sorted(aside.iterdir())} if is_folder(aside) else {aside.name}
+    marked = regular_file(aside, MARKER) is not None and found <= {MARKER, _REPLACED}
+    return not found or (marked and (_REPLACED not in found or is_folder(aside / _REPLACED)))
+
+
+def _settle(aside: Path, out: Path) -> None:
+    """Move a replaced export back if nothing is in its place, else remove it; the marker goes last."""
+    if is_folder(aside / _REPLACED):
+        if not os.path.lexists(out):
+            (aside / _REPLACED).rename(out)
+        else:
+            shutil.rmtree(aside / _REPLACED)
+    (aside / MARKER).unlink(missing_ok=True)
+    aside.rmdir()
+
+
+@contextmanager
+def _locked(folder: Path, out: Path) -> Iterator[None]:
+    """Hold the lock of a folder next to `out`; RunError if another export holds it."""
+    handle = open_folder(folder)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RunError(f"another export is writing {out}; wait for it, or choose another folder") from None
+        yield
+    finally:
+        os.close(handle)

@@ -29,7 +29,14 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.transfer import armory
-from recipe_runtime.transfer.export_folder import MARKER, check_destination, is_empty, read_index, remove, work_folder
+from recipe_runtime.transfer.export_folder import (
+    check_destination,
+    is_empty,
+    publish,
+    read_index,
+    recover,
+    work_folder,
+)
 from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 
 Layout = Literal["mots", "kitti", "armory"]
@@ -70,6 +77,8 @@ def export_layout(
         RunError: the files cannot be written, or another export writes to `out`.
     """
     check_destination(out)
+    with host_errors(str(out), _REMEDY):
+        recover(out)
     known = _read_index(out, dataset)
     made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
     if known is not None and _made_from(known) == made_from and _is_complete(out, known):
@@ -91,10 +100,7 @@ def export_layout(
         progress("export", len(sequences), len(sequences))
         index = cast("LayoutIndex", {"format": _FORMAT, **made_from, "files": dict(sorted(files.items()))})
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-        (work / MARKER).unlink()
-        if known is not None:
-            remove(out)
-        work.rename(out)
+        publish(work, out, None if known is None else lambda folder: _has_only(folder, known))
     return index
 
 
@@ -166,7 +172,7 @@ def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, 
 
 
 def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -> None:
-    other = out.exists() and not is_empty(out) and (known is None or _entries(out) != {INDEX, *known["files"]})
+    other = out.exists() and not is_empty(out) and (known is None or not _has_only(out, known))
     if out.is_symlink() or other:
         raise InputError(
             f"{out} exists already and has files that do not belong to an export",
@@ -181,9 +187,10 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
         )
 
 
-def _entries(out: Path) -> set[str]:
-    """Return the paths of all entries below a folder, except folders."""
-    return {p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if not is_folder(p)}
+def _has_only(folder: Path, index: LayoutIndex) -> bool:
+    """Return whether a folder contains exactly the files of an index, besides folders."""
+    found = {p.relative_to(folder).as_posix() for p in sorted(folder.rglob("*")) if not is_folder(p)}
+    return found == {INDEX, *index["files"]}
 
 
 def _read_index(out: Path, dataset: Dataset) -> LayoutIndex | None:
@@ -215,7 +222,7 @@ def _is_index(index: object) -> bool:
 
 def _is_complete(out: Path, known: LayoutIndex) -> bool:
     """Return whether a folder contains exactly the files of its index, with the bytes recorded there."""
-    return _entries(out) == {INDEX, *known["files"]} and all(
+    return _has_only(out, known) and all(
         (found := regular_file(out, path)) is not None and found.st_size == size and file_sha256(out / path) == digest
         for path, (size, digest) in known["files"].items()
     )

@@ -30,7 +30,15 @@ from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.reader import Dataset, labels
-from recipe_runtime.transfer.export_folder import MARKER, check_destination, is_empty, read_index, work_folder
+from recipe_runtime.transfer.export_folder import (
+    MARKER,
+    check_destination,
+    is_empty,
+    publish,
+    read_index,
+    recover,
+    work_folder,
+)
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30
@@ -106,6 +114,8 @@ def webdataset(
         RunError: the files cannot be written, or another export writes to `out`.
     """
     check_destination(out)
+    with host_errors(str(out), _REMEDY):
+        recover(out)
     known = _index_of(out, dataset)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
     if known is not None and same and _is_complete(out, known):
@@ -132,12 +142,7 @@ def webdataset(
             "shards": rows,
         }
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-        (work / MARKER).unlink()
-        if known is not None:
-            for name in (INDEX, *(row["file"] for row in known["shards"])):
-                (out / name).unlink(missing_ok=True)
-            out.rmdir()
-        work.rename(out)
+        publish(work, out, None if known is None else lambda folder: not _has_other_files(folder, known))
     return index
 
 

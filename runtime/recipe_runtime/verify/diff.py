@@ -7,7 +7,6 @@ not compared. Of a dataset, only the manifest and the plans are read.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +19,7 @@ from recipe_compiler.ir.plurals import count, form
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.digests import divergence_text, first_divergence
 from recipe_runtime.verify.compare import stage_of
+from recipe_runtime.verify.documents import walk
 from recipe_runtime.verify.verdict import Difference
 
 MAX_FIELDS = 12  # limit of reported fields per plan; the rest is counted
@@ -200,33 +200,6 @@ def _plan_fields(a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
     return found
 
 
-def walk(ours: Any, theirs: Any, path: str) -> Iterator[str]:
-    """Yield the fields in which two documents differ, with both values; named items of lists are matched by name."""
-    if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
-        for key in [*ours, *(key for key in theirs if key not in ours)]:
-            yield from _pair(ours, theirs, key, f"{path}.{key}")
-    elif isinstance(ours, list) and isinstance(theirs, list):
-        if all(isinstance(item, Mapping) and "name" in item for item in (*ours, *theirs)):
-            named = ({item["name"]: item for item in side} for side in (ours, theirs))
-            first, second = named
-            for key in [*first, *(key for key in second if key not in first)]:
-                yield from _pair(first, second, key, f"{path}[{key}]")
-        elif len(ours) != len(theirs):
-            yield f"{path} has {count(len(ours), 'entry', 'entries')} and {len(theirs):,}"
-        else:
-            for number, pair in enumerate(zip(ours, theirs, strict=True)):
-                yield from walk(*pair, f"{path}[{number}]")
-    elif ours != theirs:
-        yield f"{path}: {_short(ours)} and {_short(theirs)}"
-
-
-def _pair(ours: Mapping[str, Any], theirs: Mapping[str, Any], key: str, path: str) -> Iterator[str]:
-    if key not in ours or key not in theirs:
-        yield f"{path} is in the {'first' if key in ours else 'second'} only"
-    else:
-        yield from walk(ours[key], theirs[key], path)
-
-
 def _traces(a: Side, b: Side) -> Iterator[Difference]:
     """Yield scenes with equal plans and different motion, with the first body that differs and the frames."""
     for scene, value in a.lock.traces.items():
@@ -310,9 +283,3 @@ def _order(place: tuple[str, str, str]) -> tuple[int, str, str]:
 def _some(names: Iterable[str], what: str) -> str:
     known = list(names)
     return f"{what} {known[0]}" if len(known) == 1 else f"{count(len(known), what)} (first: {known[0]})"
-
-
-def _short(value: Any) -> str:
-    """Return a value in the notation of a recipe, shortened."""
-    text = value if isinstance(value, str) else "nothing" if value is None else json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else f"{text[:57]}..."

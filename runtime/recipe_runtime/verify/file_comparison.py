@@ -10,16 +10,21 @@ from typing import TypeAlias
 
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import read_inside, regular_file
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.dataset import digests
+from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.report.difference import first_difference, read_pixels
+from recipe_runtime.verify.documents import walk
 from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.motion_comparison import OtherMotion
 from recipe_runtime.verify.verdict import Difference
+
+_LONGER = 4  # how much longer than expected a JSON file may be to be read
 
 Picture: TypeAlias = "tuple[str, str, int, str] | tuple[()]"  # variant, sensor, frame, modality; () for other files
 
@@ -60,6 +65,8 @@ class FileComparison:
             if made.read_bytes() == read_inside(self.dataset.root, path, size):
                 return None
         at = self._picture(path)
+        if path.endswith(".json") and not self._is_excused(path, at):
+            return Difference("file", f"{path}: {self._unequal_fields(path)}", path=path)
         if self._is_excused(path, at):
             return self._unlisted_pixels(path, at)
         unequal = first_difference(there, made)
@@ -72,6 +79,21 @@ class FileComparison:
             found = Difference("file", f"{path}: {unequal}", None, *at)
             found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)
         return replace(found, path=path)
+
+    def _unequal_fields(self, path: str) -> str:
+        """Return the first field in which the dataset's JSON file differs from the one written here, in words."""
+        written = (self.made / path).read_bytes()
+        try:
+            recorded = loads(read_inside(self.dataset.root, path, _LONGER * len(written)), _LONGER * len(written))
+            fields = list(walk(recorded, loads(written, len(written)), ""))
+        except (OSError, ValueError, RecursionError) as error:
+            reason = (isinstance(error, OSError) and error.strerror) or str(error)
+            return f"it is not the ground truth of patches: {reason}"
+        if not fields:
+            return "equal values in another form"
+        more = f", and in {count(len(fields) - 1, 'more field')}" if len(fields) > 1 else ""
+        first = "the whole document" if fields[0].startswith(":") else fields[0].lstrip(".")
+        return f"as recorded and as rendered it differs in {first}{more}"
 
     def _is_excused(self, path: str, at: Picture) -> bool:
         """Return whether a file shows motion that may differ on this host."""

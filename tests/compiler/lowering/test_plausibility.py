@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from recipe_compiler.ir.errors import Place, Problem
+from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import CameraPlan, Pose, RigPlan, SensorPlan
 from recipe_compiler.library.blueprints import LIBRARY, specimen
 from recipe_compiler.lowering import plausibility
@@ -77,3 +77,18 @@ def test_a_recommended_mount_is_outside_and_the_centre_is_inside_a_vehicle(bluep
         assert [problem.message for problem in found] == [
             f"sensors.a: it is inside {carrier.name}, the actor that it is mounted on"
         ] * inside
+
+
+def test_weather_as_a_fraction_of_one_is_reported_where_it_is_written() -> None:
+    """Once for each value, with the value in percent. Zero, presets, draws and other scales are not reported."""
+    recipe = small(weather={"preset": "ClearNoon", "precipitation": 0.6, "cloudiness": 0, "fog_falloff": 0.2})
+    recipe["deltas"] = {"weather": {"foggy": {"weather": {"fog_density": 0.25}}, "rainy": {"weather": "HardRainNoon"}}}
+    recipe["sweep"] = {
+        "axes": ["weather"],
+        "draw": {"count": 2, "values": {"weather.wetness": {"uniform": [0.1, 0.9]}}},
+    }
+    found = [problem for problem in compiled(recipe).warnings if problem.code == Code.IMPLAUSIBLE]
+    assert [(problem.message, problem.help) for problem in found] == [
+        ("weather.precipitation: 0.6 is very little: CARLA's scale is 0 to 100", "write 60 if it is a fraction of 1"),
+        ("weather.fog_density: 0.25 is very little: CARLA's scale is 0 to 100", "write 25 if it is a fraction of 1"),
+    ]

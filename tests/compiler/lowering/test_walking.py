@@ -20,6 +20,7 @@ from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
 from recipe_compiler.limits import TooLargeError
 from recipe_compiler.lowering import walking_routes
+from recipe_compiler.lowering.enclosures import Yards
 from recipe_compiler.lowering.walking_routes import RecipeWork
 
 from tests.compiler.kitchen import compiled, small
@@ -202,9 +203,32 @@ def test_a_place_inside_a_building_is_refused_with_the_nearest_free_one(actor: d
     message = refused(actors={"lost": actor})
     assert f"actors.lost.{label}: it is inside building." in message
     assert "; the nearest free point is x: " in message
-    x, y = (float(part.split(":")[1]) for part in message.partition("point is ")[2].split("\n")[0].split(","))
+    x, y = _suggested(message)
     assert abs(x + 14) < 7
     assert named(scene(actors={"lost": walker(x, y)}))["lost"].start.y == y
+
+
+@pytest.mark.parametrize("label", ["start", "goal"])
+def test_the_suggested_place_is_not_in_a_closed_yard(label: str) -> None:
+    """Behind the building is a yard, which is nearer than the street and which nobody can leave."""
+    yards, planner = Yards(towns.build("downtown", 0, {})), planner_of("downtown")
+    nearest = planner.nearest_free(36, -15)
+    assert nearest is not None and yards.around(*nearest)
+    lost = walker(36, -15) if label == "start" else walker(-8, -19, goal={"x": 36, "y": -15})
+    free = _suggested(refused(actors={"lost": lost}))
+    assert not yards.around(*free)
+    assert named(scene(actors={"lost": walker(-8, -10, goal={"x": free[0], "y": free[1]})}))["lost"].route
+
+
+def test_the_suggested_place_is_in_the_yard_of_the_start() -> None:
+    yards = Yards(towns.build("downtown", 0, {}))
+    free = _suggested(refused(actors={"lost": walker(36, 0, goal={"x": 36, "y": -22})}))
+    assert yards.cell(*free) in yards.around(36, 0)
+
+
+def _suggested(message: str) -> tuple[float, float]:
+    x, y = (float(part.split(":")[1]) for part in message.partition("point is ")[2].split("\n")[0].split(","))
+    return x, y
 
 
 def test_a_goal_that_cannot_be_reached_is_refused() -> None:

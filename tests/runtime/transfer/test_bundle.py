@@ -6,14 +6,17 @@ import io
 import json
 import tracemalloc
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import InputError, Place, Problem
-from recipe_runtime.transfer.bundle import Pack, identity, read, unpacked
+from recipe_compiler.lowering.patches.texture_files import MAX_SEQUENCE
+from recipe_runtime.transfer.bundle import MAX_FILES, Pack, identity, read, unpacked
+from recipe_runtime.transfer.stored_zip import local_header, row_of
 
 FILES = {"street.yaml": b"recipe: street\n", "common/base.yaml": b"town: downtown\n", "lockfiles/street.lock": b"x\n"}
 PACK = Pack("street.yaml", FILES)
@@ -167,7 +170,44 @@ def test_a_large_pack_is_read_without_copies(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
+<<<<<<< HEAD
 def test_a_header_with_a_large_size_reserves_no_memory(tmp_path: Path) -> None:
+=======
+def test_a_long_sequence_of_images_is_packed(tmp_path: Path) -> None:
+    """A recipe may name a folder of 10,000 images, one for each frame, in each of several variants."""
+    names = [f"frames_{n // MAX_SEQUENCE}/{n % MAX_SEQUENCE:06d}.png" for n in range(2 * MAX_SEQUENCE)]
+    files = {"a.yaml": b"a", **dict.fromkeys(names, b"png")}
+    assert dict(read(_written(tmp_path, Pack("a.yaml", files).dumps())).files) == files
+
+
+def _indexed(paths: Iterable[str]) -> bytes:
+    files = dict.fromkeys(sorted(paths), "0" * 64)
+    return canonical_bytes({"format": "recipe/pack/1", "recipe": "a.yaml", "files": {"a.yaml": "0" * 64, **files}})
+
+
+@pytest.mark.parametrize(
+    ("index", "reason"),
+    [
+        (lambda: b"[" + b"[]," * (5 << 20) + b"[]]", "values"),
+        (lambda: _indexed(f"{n}/{'a/' * 95}b" for n in range(30_000)), "at most 2,000 folders"),
+        (lambda: _indexed(f"{n}.png" for n in range(MAX_FILES)), "at most 65,534 files"),
+    ],
+    ids=["values", "folders", "files"],
+)
+def test_a_hostile_index_takes_little_memory(tmp_path: Path, index: Callable[[], bytes], reason: str) -> None:
+    body = index()
+    path = _written(tmp_path, local_header(row_of("pack.json", body)) + body)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=reason):
+            read(path)
+        assert tracemalloc.get_traced_memory()[1] < 64 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_header_that_promises_more_than_there_is_reserves_no_memory(tmp_path: Path) -> None:
+>>>>>>> lows
     body = bytearray(PACK.dumps())
     body[18:26] = b"\xff\xff\xff\x7f" * 2  # the sizes of pack.json
     with pytest.raises(InputError, match=r"and at most [0-9]+ are read"):

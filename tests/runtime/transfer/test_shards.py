@@ -8,6 +8,7 @@ import io
 import json
 import os
 import shutil
+import sys
 import tarfile
 import tracemalloc
 from collections.abc import Callable
@@ -27,7 +28,7 @@ from recipe_runtime.transfer import shards
 from recipe_runtime.transfer.export_folder import MARKER
 from recipe_runtime.transfer.layouts import export_layout
 
-from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
 SMALL = 40_000  # bytes: a few samples per shard
 
@@ -160,6 +161,71 @@ def test_the_work_folder_of_a_killed_export_is_removed(built: Dataset, tmp_path:
         (tmp_path / ".again.export" / name).write_bytes(body)
     assert shards.webdataset(built, tmp_path / "again", lambda *_: None, SMALL) == made
     assert not list(tmp_path.glob(".again*"))
+
+
+def _is_killed(change: int, export: Callable[[], object]) -> bool:
+    """Export in a child process that ends at the n-th change of a folder from when the old export is moved."""
+    child = os.fork()
+    if child == 0:
+        left = [change, 0]
+
+        def audit(event: str, arguments: tuple[object, ...]) -> None:
+            left[1] |= str(arguments[0]).endswith(".out.replaced")
+            if left[1] and event in ("os.mkdir", "os.rename", "os.remove", "os.rmdir"):
+                left[0] -= 1
+                if left[0] == 0:
+                    os._exit(9)
+
+        sys.addaudithook(audit)
+        try:
+            export()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    assert code in (0, 9)
+    return code == 9
+
+
+def test_an_export_that_is_killed_while_it_replaces_another_leaves_one_of_them(built: Dataset, tmp_path: Path) -> None:
+    """Killed before each change of a folder: the next export finds the old or the new one, complete."""
+    out, size = tmp_path / "out", 1 << 30
+    shards.webdataset(built, out, lambda *_: None, size)
+    shutil.copytree(out, tmp_path / "old")
+    old, found, change = tree(out), [], 0
+    while not found or found[-1] is not None:
+        change += 1
+        shutil.rmtree(out)
+        shutil.copytree(tmp_path / "old", out)
+        was_killed = _is_killed(change, partial(shards.webdataset, built, out, lambda *_: None, size + 1, replace=True))
+        try:
+            shards.webdataset(built, out, lambda *_: None, size + 1)
+        except InputError as error:
+            assert "exists already, and is another export" in str(error) and tree(out) == old
+            shards.webdataset(built, out, lambda *_: None, size + 1, replace=True)
+            found.append("old")
+        else:
+            found.append("new" if was_killed else None)
+        assert tree(out).keys() == old.keys() and not list(tmp_path.glob(".out*"))
+        assert json.loads((out / shards.INDEX).read_text())["shard_bytes"] == size + 1
+    assert set(found) == {"old", "new", None} and len(found) > 8
+
+
+def test_files_added_during_an_export_stay(built: Dataset, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    exported(built, out)
+    with pytest.raises(InputError, match="was changed during the export"):
+        shards.webdataset(built, out, lambda *_: (out / "notes.txt").write_text("mine"), replace=True)
+    assert (out / "notes.txt").read_text() == "mine" and (out / shards.INDEX).exists()
+    assert not list(tmp_path.glob(".out*"))
+
+
+def test_a_folder_that_is_no_replaced_export_is_left_alone(built: Dataset, tmp_path: Path) -> None:
+    (tmp_path / ".out.replaced" / "export").mkdir(parents=True)
+    (tmp_path / ".out.replaced" / "export" / "thesis.tex").write_text("precious")
+    with pytest.raises(InputError, match="is not the folder of a replaced export"):
+        exported(built, tmp_path / "out")
+    assert (tmp_path / ".out.replaced" / "export" / "thesis.tex").read_text() == "precious"
 
 
 @pytest.mark.slow

@@ -11,7 +11,8 @@ import pytest
 from recipe_compiler.ir.lockfile import Lockfile, read
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.dataset.digests import bare
-from recipe_runtime.verify.diff import Side, differences, left_out, walk
+from recipe_runtime.verify.diff import Side, differences, left_out
+from recipe_runtime.verify.documents import walk
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Difference
 
