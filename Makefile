@@ -1,40 +1,40 @@
-# Everything a person does with this project, by name. `make` lists it.
+# Targets for users and contributors. `make` lists them.
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets paper attack-study lock verify golden requirements clean test-ray bench-ray
 
-# The tests start some hundred processes: with compiled modules kept, each starts half a second earlier.
+# The tests start about a hundred processes; each starts half a second sooner if compiled modules are kept.
 unexport PYTHONDONTWRITEBYTECODE
 
 VENV ?= .venv
 BIN := $(VENV)/bin
-# Tests in two processes, which share nothing but compiled kernels; tests of one file share its fixtures.
+# Two processes, which share only compiled kernels. The tests of a file run in one of them and share its fixtures.
 PARALLEL := -n 2 --dist loadfile
 RECIPES := recipes/weather_sweep.yaml recipes/paper/two_pedestrians.yaml
-# The scene that studies extend, recipes/paper/wall.yaml, is no dataset of its own.
+# recipes/paper/wall.yaml is the scene that studies extend, and not a dataset.
 STUDIES := $(filter-out $(RECIPES) recipes/paper/wall.yaml,$(sort $(wildcard recipes/paper/*.yaml recipes/attacks/*.yaml)))
 LOCKED := $(RECIPES) recipes/towns/crossing.yaml recipes/towns/drive.yaml recipes/drone.yaml recipes/tracking.yaml $(STUDIES)
-# Of these, `make test` verifies two frames each, some ten seconds in all; `make verify` has the others.
+# `make test` verifies two frames of each of these, in about ten seconds; `make verify` verifies all lockfiles.
 SAMPLED := $(wildcard $(patsubst %,lockfiles/%.lock,insertion background_ablation painted_car poster))
 
-# PyBullet has wheels for CPython 3.10 and 3.11 on x86-64 Linux, and for no later one.
+# PyBullet has wheels only for CPython 3.10 and 3.11 on x86-64 Linux.
 FITS := import sys; sys.exit(sys.implementation.name != "cpython" or sys.version_info[:2] not in {(3, 10), (3, 11)})
 PYTHON ?= $(firstword $(foreach p,python3.11 python3.10 python3 python,$(shell $(p) -c '$(FITS)' 2>/dev/null && command -v $(p))))
 
 help:  ## list the targets
-	@grep -hE '^[a-z-]+:.*?## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
+	@grep -hE '^[a-z0-9-]+:.*?## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
 
 demo: install  ## install, then build recipes/weather_sweep.yaml into datasets/
 	$(BIN)/recipe build recipes/weather_sweep.yaml
 
-test: install-dev lint  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
+test: install-dev lint  ## install, lint, type-check, run quick and slow tests, verify some frames of six lockfiles
 	$(MAKE) --no-print-directory -j 2 types pytest verify-sample
 
 check: lint types  ## lint, formatting and strict types
 
-# Parts of the two targets above. In `make test`, types are checked and then frames verified beside the tests, by one
-# process each: on two cores none is ever idle.
+# Parts of the two targets above. `make test` runs the tests in parallel with the check of types, followed by the
+# verification of frames, with one process each.
 .PHONY: lint types pytest verify-sample
 lint: install-dev
 	$(BIN)/ruff check .
@@ -52,7 +52,7 @@ verify-sample: install-dev
 
 install: $(VENV)/.installed  ## a virtual environment with the `recipe` command
 
-install-dev: $(VENV)/.installed-dev  ## the same, with what the tests need
+install-dev: $(VENV)/.installed-dev  ## the same with the development tools
 
 $(VENV)/.installed: requirements/run.txt pyproject.toml | python-fits
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -67,45 +67,45 @@ $(VENV)/.installed-dev: requirements/dev.txt $(VENV)/.installed
 .PHONY: python-fits
 python-fits:
 	@if [ -z "$(PYTHON)" ] || ! $(PYTHON) -c '$(FITS)'; then \
-	  echo "Dataset Recipe needs CPython 3.10 or 3.11: PyBullet has no wheels for any other. Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
+	  echo "Dataset Recipe needs CPython 3.10 or 3.11: PyBullet has wheels for no other version. Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
 	  exit 2; fi
 
-test-quick: install-dev  ## the tests that take under a fifth of a second of CPU each, of every package
+test-quick: install-dev  ## tests of every package that take less than about 0.2 s of CPU each
 	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval and not detector"
 
-test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
+test-cpus: install-dev  ## equal bytes on emulated CPUs (slow; needs qemu-user)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
 
-test-reliability: install-dev  ## builds that are killed, starved and shut out, as real processes (some minutes)
+test-reliability: install-dev  ## builds that are killed, or run out of disk space, memory or permissions (some minutes)
 	$(BIN)/python -m pytest -q -m reliability -rs --durations=5
 
-test-soak: install-dev  ## hours of traffic: no deadlock, no overlap, no red light ignored (a quarter of an hour)
+test-soak: install-dev  ## an hour of simulated traffic without deadlocks, overlaps or ignored red lights (15 minutes)
 	$(BIN)/python -m pytest -q $(PARALLEL) --dist load -m soak -rs
 
-test-gpu: install-dev  ## the same bytes on a CUDA GPU; skipped, with the reason, where there is none
+test-gpu: install-dev  ## equal bytes on a CUDA GPU; skipped, with the reason, without one
 	$(BIN)/python -m pytest -q -m gpu -rs
 
-test-s3: install-dev  ## datasets built into an S3 bucket, on a server of this host's own
+test-s3: install-dev  ## datasets built into a bucket of a local S3 server (installs s3fs and moto)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 's3fs==2026.9.0' 'moto[server]==5.2.5'
 	$(BIN)/python -m pytest -q -m s3
 
-test-ray: install-dev  ## the same bytes from a Ray cluster of two nodes, one of which is lost; Ray is installed for it
+test-ray: install-dev  ## equal bytes from a Ray cluster of two nodes, also after losing one (installs Ray)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'
 	$(BIN)/python -m pytest -q -m ray
 
-test-torch: install-dev  ## PyTorch's dataset, `SceneView` and ART's attack, with PyTorch (CPU build where there is one), ART and tflite installed for it
+test-torch: install-dev  ## the PyTorch dataset, `SceneView` and the attack with ART (installs PyTorch, ART and tflite)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'adversarial-robustness-toolbox==1.20.1' 'tflite==2.18.0'
 	$(BIN)/python -m pytest -q -m torch
 
-test-detector: install-dev  ## the detector of the study of attacks, beside TensorFlow Lite's outputs; both are installed for it
+test-detector: install-dev  ## the detector of the attack study, compared with TensorFlow Lite (installs both and PyTorch)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0' 'ai-edge-litert==2.3.0'
 	$(BIN)/python -m pytest -q -m detector
 
-test-trackeval: install-dev  ## TrackEval's scores of the exported layouts, without its plots and pictures
+test-trackeval: install-dev  ## TrackEval's scores of exported layouts (installs TrackEval)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'trackeval==1.3.0' 'tabulate==0.10.0'
 	$(BIN)/python -m pytest -q -m trackeval
 
-fuzz: install-dev  ## feed broken files to every loader, guided by coverage (FUZZ_SECONDS=60 a loader)
+fuzz: install-dev  ## fuzz every loader of untrusted files, guided by coverage (FUZZ_SECONDS=60 per loader; installs atheris)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'atheris==3.0.0'
 	for target in $$($(BIN)/python -m tests.fuzz); do \
 	  echo "fuzz $$target"; \
@@ -113,38 +113,38 @@ fuzz: install-dev  ## feed broken files to every loader, guided by coverage (FUZ
 	    -max_total_time=$(or $(FUZZ_SECONDS),60) -verbosity=0; \
 	done
 
-bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, in one run
+bench: install-dev  ## frames per second, compared with a plain PyBullet and Pillow script (nine minutes)
 	$(BIN)/python -m benchmarks.listing
 
-bench-long: install-dev  ## a build of 10,000 frames with nothing to do, and the check of 60 of them (ten minutes)
+bench-long: install-dev  ## a build of 10,000 frames with nothing to do, and verification of 60 of them (ten minutes)
 	$(BIN)/python -m benchmarks.long
 
-bench-estimates: install-dev  ## the estimates of `recipe plan` beside builds of ten recipes (five minutes)
+bench-estimates: install-dev  ## the estimates of `recipe plan`, compared with builds of ten recipes (five minutes)
 	$(BIN)/python -m benchmarks.estimates
 
-bench-ray: install-dev  ## what Ray costs over local processes, for the same frames (ten minutes); Ray is installed for it
+bench-ray: install-dev  ## cost of Ray relative to local processes, for the same frames (ten minutes; installs Ray)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'
 	$(BIN)/python -m benchmarks.cluster
 
-presets: install  ## redraw docs/presets.jpg: all of CARLA's presets, seen by three cameras
+presets: install  ## redraw docs/presets.jpg: all of CARLA's presets from three cameras
 	$(BIN)/python docs/presets.py
 
-paper: install-dev  ## measure the paper's studies and renew its tables and pictures in docs/; OpenCV is installed for it
+paper: install-dev  ## measure the paper's studies, and renew their tables and pictures in docs/ (installs OpenCV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'opencv-python-headless==5.0.0.93'
 	$(BIN)/python -m benchmarks.paper
 	$(BIN)/python -m benchmarks.insertion
 
-attack-study: install-dev  ## attack a detector trained on photographs, and write the tables of docs/attack-study.md; PyTorch is installed for it
+attack-study: install-dev  ## attack a detector trained on photographs, and write docs/attack-study.md (installs PyTorch and tflite)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
 	$(BIN)/python -m examples.attacks.study --page docs/attack-study.md
 
-verify: install  ## re-render sample frames and compare them with the lockfiles
+verify: install  ## render sampled frames again, and compare them with all lockfiles
 	$(BIN)/recipe verify $(LOCKED)
 
-lock: install  ## renew the committed lockfiles, after bytes changed on purpose
+lock: install  ## renew the committed lockfiles after an intended change of bytes
 	$(BIN)/recipe lock --update $(LOCKED)
 
-golden: install-dev  ## renew tests/golden, after bytes changed on purpose
+golden: install-dev  ## renew the golden digests after an intended change of bytes
 	$(BIN)/python -m tests.golden
 
 requirements: install-dev  ## renew the pinned requirements from pyproject.toml
@@ -155,5 +155,5 @@ requirements: install-dev  ## renew the pinned requirements from pyproject.toml
 	    --quiet --output-file requirements/$$kind.txt; \
 	done
 
-clean:  ## remove the virtual environment and what tools leave behind
+clean:  ## remove the virtual environment and the caches of tools
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist
