@@ -170,9 +170,6 @@ def test_a_large_pack_is_read_without_copies(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
-<<<<<<< HEAD
-def test_a_header_with_a_large_size_reserves_no_memory(tmp_path: Path) -> None:
-=======
 def test_a_long_sequence_of_images_is_packed(tmp_path: Path) -> None:
     """A recipe may name a folder of 10,000 images, one for each frame, in each of several variants."""
     names = [f"frames_{n // MAX_SEQUENCE}/{n % MAX_SEQUENCE:06d}.png" for n in range(2 * MAX_SEQUENCE)]
@@ -206,8 +203,7 @@ def test_a_hostile_index_takes_little_memory(tmp_path: Path, index: Callable[[],
         tracemalloc.stop()
 
 
-def test_a_header_that_promises_more_than_there_is_reserves_no_memory(tmp_path: Path) -> None:
->>>>>>> lows
+def test_a_header_with_a_large_size_reserves_no_memory(tmp_path: Path) -> None:
     body = bytearray(PACK.dumps())
     body[18:26] = b"\xff\xff\xff\x7f" * 2  # the sizes of pack.json
     with pytest.raises(InputError, match=r"and at most [0-9]+ are read"):
