@@ -187,12 +187,13 @@ def _is_killed(change: int, export: Callable[[], object]) -> bool:
     return code == 9
 
 
-def test_an_export_that_is_killed_while_it_replaces_another_leaves_one_of_them(built: Dataset, tmp_path: Path) -> None:
-    """Killed before each change of a folder: the next export finds the old or the new one, complete."""
+def test_a_killed_replacement_leaves_the_old_or_the_new_export(built: Dataset, tmp_path: Path) -> None:
+    """The process is killed before each change of a folder; the next export finds one of the two, complete."""
     out, size = tmp_path / "out", 1 << 30
     shards.webdataset(built, out, lambda *_: None, size)
     shutil.copytree(out, tmp_path / "old")
-    old, found, change = tree(out), [], 0
+    old, change = tree(out), 0
+    found: list[str | None] = []
     while not found or found[-1] is not None:
         change += 1
         shutil.rmtree(out)
@@ -211,16 +212,20 @@ def test_an_export_that_is_killed_while_it_replaces_another_leaves_one_of_them(b
     assert set(found) == {"old", "new", None} and len(found) > 8
 
 
-def test_files_added_during_an_export_stay(built: Dataset, tmp_path: Path) -> None:
+def test_files_added_during_an_export_are_not_removed(built: Dataset, tmp_path: Path) -> None:
     out = tmp_path / "out"
     exported(built, out)
+
+    def add_notes(stage: str, done: int, total: int) -> None:
+        (out / "notes.txt").write_text("mine")
+
     with pytest.raises(InputError, match="was changed during the export"):
-        shards.webdataset(built, out, lambda *_: (out / "notes.txt").write_text("mine"), replace=True)
+        shards.webdataset(built, out, add_notes, replace=True)
     assert (out / "notes.txt").read_text() == "mine" and (out / shards.INDEX).exists()
     assert not list(tmp_path.glob(".out*"))
 
 
-def test_a_folder_that_is_no_replaced_export_is_left_alone(built: Dataset, tmp_path: Path) -> None:
+def test_a_foreign_folder_in_place_of_a_replaced_export_is_refused(built: Dataset, tmp_path: Path) -> None:
     (tmp_path / ".out.replaced" / "export").mkdir(parents=True)
     (tmp_path / ".out.replaced" / "export" / "thesis.tex").write_text("precious")
     with pytest.raises(InputError, match="is not the folder of a replaced export"):
