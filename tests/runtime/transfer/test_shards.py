@@ -192,7 +192,8 @@ def test_an_export_that_is_killed_while_it_replaces_another_leaves_one_of_them(b
     out, size = tmp_path / "out", 1 << 30
     shards.webdataset(built, out, lambda *_: None, size)
     shutil.copytree(out, tmp_path / "old")
-    old, found, change = tree(out), [], 0
+    old, change = tree(out), 0
+    found: list[str | None] = []
     while not found or found[-1] is not None:
         change += 1
         shutil.rmtree(out)
@@ -214,8 +215,12 @@ def test_an_export_that_is_killed_while_it_replaces_another_leaves_one_of_them(b
 def test_files_added_during_an_export_stay(built: Dataset, tmp_path: Path) -> None:
     out = tmp_path / "out"
     exported(built, out)
+
+    def add(*_: object) -> None:
+        (out / "notes.txt").write_text("mine")
+
     with pytest.raises(InputError, match="was changed during the export"):
-        shards.webdataset(built, out, lambda *_: (out / "notes.txt").write_text("mine"), replace=True)
+        shards.webdataset(built, out, add, replace=True)
     assert (out / "notes.txt").read_text() == "mine" and (out / shards.INDEX).exists()
     assert not list(tmp_path.glob(".out*"))
 
