@@ -171,9 +171,9 @@ def _check_stores_files(folder: Path, parent: Path) -> None:
 def memory(workers: int) -> Memory:
     """The memory of this host, for a build with that many workers."""
     from recipe_compiler.limits import Memory
-    from recipe_runtime.build import host_memory
+    from recipe_runtime.core import host
 
-    return Memory(host_memory.total(), host_memory.per_process(), workers)
+    return Memory(host.total_memory(), host.process_memory_limit(), workers)
 
 
 def _short(path: Path) -> Path:

@@ -10,7 +10,7 @@ from click.testing import CliRunner, Result
 from recipe_cli.main import recipe as cli
 from recipe_cli.words import option_help
 from recipe_compiler.limits import TooLargeError
-from recipe_runtime.build import host_memory
+from recipe_runtime.core import host
 
 from tests.compiler.kitchen import small
 
@@ -30,7 +30,7 @@ def _run(*arguments: str | Path) -> Result:
 def test_too_little_memory_is_an_error_before_any_work(
     path: Path, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(host_memory, "total", lambda: 300 << 20)
+    monkeypatch.setattr(host, "total_memory", lambda: 300 << 20)
     error = _run(command, path).exception
     assert isinstance(error, TooLargeError)  # exit code 2
     assert "over the 300 MiB of this host" in str(error)
@@ -41,7 +41,7 @@ def test_too_little_memory_is_an_error_before_any_work(
 
 
 def test_check_warns_and_allow_large_permits_the_build(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(host_memory, "per_process", lambda: 100 << 20)
+    monkeypatch.setattr(host, "process_memory_limit", lambda: 100 << 20)
     checked = _run("check", path)
     assert checked.exception is None
     assert "of memory a process are over the 100 MiB" in checked.output
@@ -49,7 +49,7 @@ def test_check_warns_and_allow_large_permits_the_build(path: Path, monkeypatch: 
 
 
 def test_plan_shows_memory(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(host_memory, "total", lambda: 64 << 30)
+    monkeypatch.setattr(host, "total_memory", lambda: 64 << 30)
     assert "this host has 64.0 GiB" in _run("plan", path).output
     document = json.loads(_run("plan", "--json", path).output)
     cost, memory = document["cost"], document["memory"]

@@ -28,11 +28,13 @@ from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.pixel_light import PixelLight
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
 from recipe_runtime.attacks.textures import Texture, Values, as_image, as_image_of_size, as_values, check_size
+from recipe_runtime.core.host import check_memory
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
 
 _SAMPLE_BYTES, _TEXEL_BYTES = 150, 16  # of memory, per sample and per texel
+_GRADIENT_BYTES = 450  # of memory, per texel while a gradient is computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +157,8 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
         size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
-        InputError: No size is given and the patch has no image, or the size is too large.
+        InputError: No size is given and the patch has no image, the size is too large, or the view needs more memory
+            than there is.
     """
     name = patch.name
     if size is None:
@@ -164,6 +167,8 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
             raise InputError(f"patch {name}: its texture is a colour, which has no size; give the texture's size")
         size = own[1], own[0]
     check_size(name, size[1], size[0])
+    what = f"the gradient of a texture of {size[1]} x {size[0]} texels"
+    check_memory(_GRADIENT_BYTES * size[0] * size[1], what, "use a smaller texture")
     if patch.inserted:
         return InsertedView(frame, name, size[1], size[0])
     return PatchView(frame.scene, name, size[1], size[0])

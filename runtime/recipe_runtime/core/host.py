@@ -1,12 +1,21 @@
-"""Properties of this host that may affect bytes."""
+"""Properties of this host: those that may affect bytes, and its memory.
+
+Memory available to a process is the machine's, limited by its control groups and by the process' own limits.
+"""
 
 from __future__ import annotations
 
 import os
 import platform
+import resource
 import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from recipe_compiler.ir.errors import Code, InputError
 
 REQUIRED_CPU_FEATURE = "AVX"  # Warp's machine code uses it even for the generic x86-64 target
+_UNLIMITED = 1 << 60  # control groups version 1 write a very large number for "no limit"
 
 
 def unsupported_reason(stage: str) -> str | None:
@@ -43,3 +52,66 @@ def cannot_render_reason() -> str | None:
     if features.get(REQUIRED_CPU_FEATURE, True) or hidden:  # hidden from NumPy, but possibly present
         return None
     return f"rendering needs a CPU with {REQUIRED_CPU_FEATURE} (any since 2011), and this one has none"
+
+
+def total_memory(root: Path = Path("/")) -> int:
+    """Return the bytes of memory available to this process and its children together.
+
+    Args:
+        root: the folder that contains `proc` and `sys`.
+    """
+    return min([os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), *_group_limits(root)])
+
+
+def process_memory_limit() -> int | None:
+    """Return the limit of one process' address space in bytes (RLIMIT_AS), or None if there is none."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if soft == resource.RLIM_INFINITY else soft
+
+
+def check_memory(needed: int, what: str, help: str) -> None:
+    """Check that this process may use an amount of memory.
+
+    Args:
+        needed: The estimate, bytes.
+        what: What takes it, for the message.
+        help: The remedy.
+
+    Raises:
+        InputError: It is more than this host has, or than a process may have.
+    """
+    limit = process_memory_limit()
+    room = min(total_memory(), total_memory() if limit is None else limit)
+    if needed > room:
+        raise InputError(
+            f"{what} takes about {needed / 2**30:.2f} GiB of memory, over the {room / 2**30:.2f} GiB of this host",
+            help=help,
+            code=Code.OUT_OF_MEMORY,
+        )
+
+
+def _group_limits(root: Path) -> Iterator[int]:
+    """Yield the limits of this process' control groups, of versions 1 and 2, and of all groups above them."""
+    try:
+        rows = (root / "proc/self/cgroup").read_text().splitlines()
+    except OSError:
+        return
+    for row in rows:
+        _, controllers, path = row.split(":", 2)
+        if controllers and "memory" not in controllers.split(","):
+            continue
+        top = root / "sys/fs/cgroup" / ("memory" if controllers else "")
+        name = "memory.limit_in_bytes" if controllers else "memory.max"
+        group = top / path.lstrip("/")  # may not exist in a container, whose own group is then `top`
+        for folder in (group, *group.parents):
+            if folder.is_relative_to(top):
+                yield from _limit(folder / name)
+
+
+def _limit(file: Path) -> Iterator[int]:
+    try:
+        text = file.read_text().strip()
+    except OSError:
+        return
+    if text.isdigit() and int(text) < _UNLIMITED:
+        yield int(text)

@@ -7,7 +7,7 @@ import resource
 from pathlib import Path
 
 import pytest
-from recipe_runtime.build import host_memory
+from recipe_runtime.core import host
 
 MACHINE = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
@@ -34,15 +34,15 @@ def _host(root: Path, groups: str, limits: dict[str, str]) -> Path:
     ],
 )
 def test_the_smallest_limit_applies(tmp_path: Path, groups: str, limits: dict[str, str], total: int) -> None:
-    assert host_memory.total(_host(tmp_path, groups, limits)) == total
+    assert host.total_memory(_host(tmp_path, groups, limits)) == total
 
 
 def test_without_control_groups_the_machines_memory_applies(tmp_path: Path) -> None:
-    assert host_memory.total(tmp_path) == MACHINE
+    assert host.total_memory(tmp_path) == MACHINE
 
 
 def test_a_limit_of_address_space_applies_to_each_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (700 << 20, resource.RLIM_INFINITY))
-    assert host_memory.per_process() == 700 << 20
+    assert host.process_memory_limit() == 700 << 20
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    assert host_memory.per_process() is None
+    assert host.process_memory_limit() is None
