@@ -40,7 +40,7 @@ def document(outcome: Outcome, *, explain: bool) -> dict[str, object]:
         | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
         | ({"explain": outcome.reasons} if explain else {})
         | ({"url": target.url, **asdict(copied)} if target and copied else {})
-        | ({"mended": list(result.mended)} if outcome.repair else {})
+        | ({"mended": list(result.repaired)} if outcome.repair else {})
         | {"resumed_shards": result.resumed, "shards": result.shards, "resumed_frames": result.resumed_frames}
         | {"made_frames": result.made_frames, "taken_frames": result.taken_frames}
         | {"lockfile_differences": outcome.lockfile_differences}
@@ -60,10 +60,10 @@ def print_outcome(outcome: Outcome, compiled: Compiled, *, explain: bool) -> Non
 
 def _print_result(outcome: Outcome, compiled: Compiled) -> None:
     out, result = outcome.folder, outcome.result
-    for line in result.mended[:_MAX_SHOWN]:
+    for line in result.repaired[:_MAX_SHOWN]:
         say(f"repaired: {line}")
-    if len(result.mended) > _MAX_SHOWN:
-        say(f"  ... and {len(result.mended) - _MAX_SHOWN} more; --json lists all")
+    if len(result.repaired) > _MAX_SHOWN:
+        say(f"  ... and {len(result.repaired) - _MAX_SHOWN} more; --json lists all")
     if result.built:
         number, every = len(compiled.plan.variants), compiled.cost.variants  # --only-locked may leave some out
         what = count(every, "variant") if number == every else f"{number} of {count(every, 'variant')}"
@@ -88,7 +88,7 @@ def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target |
     if kept:
         again = "run it again with --repair" if repair else "build again"  # a plain build goes by sizes alone
         return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept", f"{again} to continue"
-    if repair:  # it may have been stopped before the mended dataset was put in place, or after
+    if repair:  # it may have been stopped before or after the repaired dataset was put in place
         return "interrupted", "run it again with --repair to repair the rest"
     if manifest is not None and is_whole(manifest, plan, folder):
         return (

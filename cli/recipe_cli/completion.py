@@ -70,12 +70,12 @@ def devices(context: click.Context, parameter: click.Parameter, incomplete: str)
 
 
 def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
-    """The names with that prefix that need no quotes in a shell: names are untrusted text."""
+    """Return the names with a prefix that need no quotes in a shell, because names are untrusted text."""
     return [CompletionItem(name) for name in names if name.startswith(incomplete) and _PLAIN.fullmatch(name)]
 
 
 def _outline(context: click.Context) -> Outline:
-    """The names in the recipe on the command line; none if it cannot be read, since completion shows no errors."""
+    """Return the names in the recipe on the command line; empty if it is invalid, since completion shows no errors."""
     from recipe_compiler.checks.outline import Outline, outline
 
     from recipe_cli.arguments import opened

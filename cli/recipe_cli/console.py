@@ -77,7 +77,7 @@ def say(*parts: str | Styled, err: bool = False) -> None:
 
 
 def in_colour(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
-    """Whether to print in colour: NO_COLOR, FORCE_COLOR or CLICOLOR_FORCE, CLICOLOR=0, else on a terminal."""
+    """Return whether to print in colour: by NO_COLOR, FORCE_COLOR, CLICOLOR_FORCE, CLICOLOR=0, else on a terminal."""
     if environment.get("NO_COLOR"):
         return False
     if any(environment.get(name, "0") not in ("", "0") for name in ("FORCE_COLOR", "CLICOLOR_FORCE")):
@@ -154,7 +154,7 @@ def width(text: str) -> int:
 
 
 def _wrapped(parts: list[tuple[str, str]], columns: int) -> list[tuple[str, str]]:
-    """The parts with line breaks between words, each followed by an indent, where the line is wider than a terminal."""
+    """Return the parts with line breaks and indents between words where the line is wider than the terminal."""
     column, wrapped = 0, []
     for text, colour in parts:
         words = []

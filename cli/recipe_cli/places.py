@@ -76,7 +76,7 @@ def _project(start: Path, owners: frozenset[int]) -> Path:
 
 
 def _trusted_owners(recipe: Path) -> frozenset[int]:
-    """The users whose folders may hold the recipe's lockfile: the caller, and the owner of the recipe."""
+    """Return the users whose folders may contain the recipe's lockfile: the caller and the owner of the recipe."""
     return frozenset({os.geteuid(), _owner(recipe.resolve())} - {None})  # type: ignore[arg-type]
 
 
@@ -89,7 +89,7 @@ def _owner(path: Path) -> int | None:
 
 
 def source_of(recipe: Path, lockfile: Path) -> str:
-    """The path from a lockfile's folder to the recipe, as a lockfile records it."""
+    """Return the path from a lockfile's folder to the recipe, as a lockfile records it."""
     return Path(os.path.relpath(recipe.resolve(), lockfile.resolve().parent)).as_posix()
 
 
@@ -116,7 +116,7 @@ def recipe_of(lockfile: Path, source: str) -> Path:
 
 
 def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
-    """The bytes of the recipe and of every file that it includes, as they were compiled."""
+    """Return the bytes of the recipe and of every file that it uses, as they were compiled."""
     import hashlib
 
     from recipe_compiler.ir.errors import RunError
@@ -169,7 +169,7 @@ def _check_stores_files(folder: Path, parent: Path) -> None:
 
 
 def memory(workers: int) -> Memory:
-    """The memory of this host, for a build with that many workers."""
+    """Return the memory of this host, for a build with that many workers."""
     from recipe_compiler.limits import Memory
     from recipe_runtime.core import host
 

@@ -24,7 +24,7 @@ class Progress:
         self._done = 0
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        """The stage has done so many of its total."""
+        """Show that a stage has done `done` of `total`."""
         if not self._shown:
             return
         if stage != self._stage:

@@ -12,7 +12,7 @@ _PLACES = ("datasets/{}", "lockfiles/{}", "lockfiles/{}.lock")
 
 
 def url_with_one_slash(text: str) -> str | None:
-    """The URL that was probably meant by text such as `s3:/bucket/name`; None if it is a path."""
+    """Return the URL probably meant by text such as `s3:/bucket/name`; None if it is a path."""
     scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]+):/(?!/)", text)
     if scheme is None or os.path.lexists(f"{scheme[1]}:"):
         return None
@@ -20,9 +20,9 @@ def url_with_one_slash(text: str) -> str | None:
 
 
 def nearest_place(path: Path) -> str | None:
-    """The existing path that a missing one is probably a misspelling of, or None.
+    """Return an existing path of which a missing one is probably a misspelling, or None.
 
-    That is a recipe, dataset or lockfile of that name, else a path whose misspelt part is nearest.
+    This is a recipe, dataset or lockfile of that name, or else the path with the most similar spelling.
     """
     named = [path.with_name(f"{path.name}{suffix}") for suffix in (".yaml", ".yml", ".recipe") if path.name]
     named += [Path(place.format(path.name)) for place in _PLACES if path.parent == Path()]
@@ -31,7 +31,7 @@ def nearest_place(path: Path) -> str | None:
 
 
 def _respelt(path: Path) -> str | None:
-    """The path with its first missing part replaced by the nearest name beside it; None unless the result exists."""
+    """Return the path with its first missing part replaced by the most similar name; None unless the result exists."""
     folder = Path(path.anchor)
     for number, part in enumerate(path.parts[1 if path.anchor else 0 :], start=1 if path.anchor else 0):
         if not (folder / part).exists():
@@ -40,7 +40,7 @@ def _respelt(path: Path) -> str | None:
             except OSError:
                 return None
             close = difflib.get_close_matches(part[:100], names, n=1, cutoff=0.7)
-            there = folder.joinpath(*close, *path.parts[number + 1 :])
-            return str(there) if close and there.exists() else None
+            found = folder.joinpath(*close, *path.parts[number + 1 :])
+            return str(found) if close and found.exists() else None
         folder /= part
     return None

@@ -22,7 +22,7 @@ _SHARE = re.compile(r"([0-9.]+) is not from (0\.[0-9]+) to (0\.[0-9]+)\Z")
 
 
 def problem_of(error: click.ClickException) -> Problem:
-    """What is wrong with a command line, and the remedy, or where to read how the command is used."""
+    """Return the problem of a wrong command line, with a remedy or a reference to the help."""
     from recipe_compiler.ir.errors import Code, Problem
 
     message = error.format_message().rstrip(".")

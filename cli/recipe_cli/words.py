@@ -23,7 +23,7 @@ _ADDED = {  # code -> what is added after parts of the library's remedy
 
 
 def option_help(problem: Problem) -> str | None:
-    """The remedy that names the option which helps with a problem of this code; None if none does."""
+    """Return a problem's remedy with the command-line option added; None if no option helps."""
     if not problem.help or "--" in problem.help:
         return None
     text = problem.help

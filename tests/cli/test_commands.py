@@ -511,9 +511,9 @@ def test_a_damaged_file_of_equal_size_is_detected_and_repaired(folder: Path, tmp
     there = run_here("build", "small.yaml", cwd=root)
     assert (there.returncode, "exists (sizes checked" in there.stdout) == (0, True)
     assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 1
-    mended = run_here("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
-    assert (mended.returncode, mended.stderr) == (0, "")
-    first, *_, last = mended.stdout.splitlines()
+    repaired = run_here("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
+    assert (repaired.returncode, repaired.stderr) == (0, "")
+    first, *_, last = repaired.stdout.splitlines()
     assert first == "repaired: weather=dry/street/rgb/000001.png differs from its SHA-256 in the manifest"
     assert last == there.stdout.splitlines()[-1]
     assert picture.read_bytes() == body

@@ -109,10 +109,10 @@ def test_an_interrupted_repair_does_not_claim_success(command: Callable[..., Res
     assert problems(command(_stopping(0), "--repair").stderr) == [nothing]
     some = "interrupted; 2 of 12 frames are kept; run it again with --repair to continue"
     assert problems(command(_stopping(1), "--repair").stderr) == [some]
-    mended = command(_whole, "--repair")
+    repaired = command(_whole, "--repair")
     reported = "repaired: weather=dry/street/rgb/000001.png differs from its SHA-256 in the manifest\n"
-    assert (mended.exit_code, mended.stdout.startswith(reported)) == (0, True)
-    assert "none rendered, 10 reused from the existing dataset, 2 resumed from the stopped" in mended.stdout
+    assert (repaired.exit_code, repaired.stdout.startswith(reported)) == (0, True)
+    assert "none rendered, 10 reused from the existing dataset, 2 resumed from the stopped" in repaired.stdout
     assert "every file has the bytes that its manifest lists" in command(_whole, "--repair").stdout
 
 

@@ -84,7 +84,7 @@ def test_a_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
 
 
 def test_pictures_of_a_large_town_are_estimated_first(tmp_path: Path) -> None:
-    """1,879 pictures: nothing is listed or written before the time is known."""
+    """The town has 1,879 pictures; nothing is listed or written before the estimate."""
     base = "town: {name: downtown, blocks: [8, 8]}"
     (tmp_path / "large.yaml").write_text(
         f"recipe: large\nseed: 1\nbase:\n  clock: {{fps: 10, frames: 1}}\n  {base}\n  sensors:\n    eye:\n"

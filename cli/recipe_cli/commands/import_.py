@@ -106,13 +106,13 @@ def _check_free(files: dict[Path, bytes], configs: Sequence[Path], *, replace: b
             continue
         is_input = any(path.exists() and path.samefile(config) for config in configs)
         if is_input or not replace or not path.is_file():
-            remedy = "choose another --output" + ("" if is_input else ", or add --replace to write over it")
+            remedy = "choose another --output" + ("" if is_input else ", or add --replace to overwrite it")
             what = "is the configuration itself" if is_input else "exists already"
             raise InputError(f"{path} {what}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
 
 
 def _holds(path: Path, body: bytes) -> bool:
-    """Whether a file has this content; one of another size is not read."""
+    """Return whether a file has this content; a file of another size is not read."""
     return path.is_file() and path.stat().st_size == len(body) and path.read_bytes() == body
 
 

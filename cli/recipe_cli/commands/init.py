@@ -37,7 +37,7 @@ def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
     try:
         if not replace and os.path.lexists(path):
             raise InputError(
-                f"{path} exists already; choose another name, or add --replace to write over it",
+                f"{path} exists already; choose another name, or add --replace to overwrite it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         folder.mkdir(parents=True, exist_ok=True)

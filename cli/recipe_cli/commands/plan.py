@@ -98,7 +98,7 @@ def _table(compiled: Compiled) -> None:
 
 
 def _here(cost: Cost) -> str:
-    """How long that is on the cores of this host, which a build takes all of."""
+    """Return the text of the time on this host, all cores of which a build uses; empty for one core."""
     cores = worker_count(None)
     return f", {_duration(cost.minutes_with(cores))} on this host's {cores} cores" if cores > 1 else ""
 

@@ -151,7 +151,11 @@ def _check_options(
 
 
 def _checked_pictures(folder: Path) -> Path:
-    """The folder for pictures; InputError if it is the default one and a symbolic link: the user did not name it."""
+    """Return the folder for pictures.
+
+    Raises:
+        InputError: it is a symbolic link and the default, so the user did not name it.
+    """
     from recipe_compiler.ir.errors import Code, InputError
 
     chosen = click.get_current_context().get_parameter_source("pictures")
@@ -196,7 +200,11 @@ def _each(
 
 
 def _recipe_of(path: Path) -> Path:
-    """The recipe that a lockfile names; InputError if it is not there."""
+    """Return the recipe that a lockfile names.
+
+    Raises:
+        InputError: it does not exist.
+    """
     from recipe_compiler.ir import lockfile
     from recipe_compiler.ir.errors import Code, InputError
 
@@ -208,7 +216,11 @@ def _recipe_of(path: Path) -> Path:
 
 
 def _check_exists(target: Path | str) -> None:
-    """InputError with a remedy if there is no such lockfile or dataset; a missing recipe is reported when compiled."""
+    """Check that a lockfile or dataset exists; the compiler reports a missing recipe.
+
+    Raises:
+        InputError: it does not exist.
+    """
     from recipe_compiler.ir.errors import Code, InputError
 
     if not isinstance(target, Path) or target.exists() or target.suffix not in ("", ".lock"):
@@ -231,12 +243,12 @@ def _all_lockfiles() -> list[Path]:
 
 
 def _is_dataset(target: Path | str) -> bool:
-    """Whether that is a dataset's folder, or a URL: nothing else is read from one."""
+    """Return whether a target is the folder or the URL of a dataset."""
     return not isinstance(target, Path) or target.is_dir()
 
 
 def _integrity(target: Path | str, options: Options) -> Report:
-    """Whether a dataset's files are those that its manifest lists."""
+    """Compare the digests of a dataset's files with its manifest."""
     from recipe_compiler.ir.errors import InputError
     from recipe_runtime.dataset import reader
     from recipe_runtime.verify.verify import verify_files

@@ -88,7 +88,7 @@ class _Body:
     hy: Floats
     height: Floats
     phase: Floats
-    pace: Floats  # the speed at which a grown-up person of this gait would go, m/s
+    pace: Floats  # the speed at which an adult with this gait would walk, m/s
     duty: Floats
     running: Floats
     head_yaw: Floats

@@ -60,7 +60,7 @@ class BuildResult:
     identity: str
     manifest: Manifest
     built: bool  # False: it existed already, complete
-    mended: tuple[str, ...] = ()  # the faults of a repaired dataset's files, one per line
+    repaired: tuple[str, ...] = ()  # messages on the repaired files, one per file
     resumed: int = 0  # shards continued from a stopped build
     shards: int = 0
     resumed_frames: int = 0  # the same, counted in frames
@@ -158,7 +158,7 @@ def _build(
         manifest["identity"],
         manifest,
         built=True,
-        mended=damage,
+        repaired=damage,
         resumed=counts.resumed,
         shards=counts.shards,
         resumed_frames=counts.resumed_frames,

@@ -79,8 +79,8 @@ def test_a_recommended_mount_is_outside_and_the_centre_is_inside_a_vehicle(bluep
         ] * inside
 
 
-def test_weather_as_a_fraction_of_one_is_reported_where_it_is_written() -> None:
-    """Once for each value, with the value in percent. Zero, presets, draws and other scales are not reported."""
+def test_weather_as_a_fraction_of_one_is_reported_with_its_place() -> None:
+    """The warning for each value states it in percent. Zero, presets, draws and other scales cause none."""
     recipe = small(weather={"preset": "ClearNoon", "precipitation": 0.6, "cloudiness": 0, "fog_falloff": 0.2})
     recipe["deltas"] = {"weather": {"foggy": {"weather": {"fog_density": 0.25}}, "rainy": {"weather": "HardRainNoon"}}}
     recipe["sweep"] = {

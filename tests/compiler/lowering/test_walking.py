@@ -210,7 +210,7 @@ def test_a_place_inside_a_building_is_refused_with_the_nearest_free_one(actor: d
 
 @pytest.mark.parametrize("label", ["start", "goal"])
 def test_the_suggested_place_is_not_in_a_closed_yard(label: str) -> None:
-    """Behind the building is a yard, which is nearer than the street and which nobody can leave."""
+    """The yard behind the building is nearer than the street, but enclosed."""
     yards, planner = Yards(towns.build("downtown", 0, {})), planner_of("downtown")
     nearest = planner.nearest_free(36, -15)
     assert nearest is not None and yards.around(*nearest)

@@ -1,4 +1,4 @@
-"""Of a recipe in which one line is indented otherwise, that line is named."""
+"""The error for a recipe with one wrongly indented line names that line."""
 
 from __future__ import annotations
 
@@ -53,20 +53,20 @@ def test_the_line_that_was_changed_is_named(number: int, change: int | str) -> N
     changed = [*LINES[: number - 1], start + own.lstrip(), *LINES[number:]]
     _, problems = parse(("\n".join(changed) + "\n").encode(), "f.yaml")
     if not problems or "duplicate key" in problems[0].message:
-        return  # it is another document, and valid YAML
+        return  # the change is another document in valid YAML
     problem = problems[0]
     assert problem.place is not None and problem.place.line == number
     right = re.search(r"start line (\d+) with \d+ space", problem.help or "")
     assert right is None or int(right[1]) == number
 
 
-def test_lines_of_a_list_are_called_so() -> None:
+def test_the_error_refers_to_lines_of_a_list() -> None:
     _, (problem,) = parse(b"a:\n   - {b: 1}\n  - {b: 1}\n  - {b: 1}\n", "f.yaml")
     assert problem.message == "wrong indentation: lines 2 and 3 belong to one list, and start with 3 and 2 spaces"
     assert problem.help == "give them the same indentation: start line 2 with 2 spaces"
 
 
-def test_the_work_of_tries_is_bounded() -> None:
+def test_the_number_of_attempts_is_bounded() -> None:
     tried: list[int] = []
 
     def parses(text: str) -> bool:

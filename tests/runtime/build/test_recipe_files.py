@@ -211,15 +211,15 @@ def test_a_manifest_without_the_recipe_is_detected(copied: Path) -> None:
 
 
 def test_a_repair_restores_the_recipe_and_no_intact_file(copied: Path, tmp_path: Path) -> None:
-    def repaired() -> BuildResult:
+    def repair() -> BuildResult:
         sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(copied / "recipe/lockfiles/assets.lock"))
         cache = tmp_path / "cache"
         return build(COMPILED.plan, copied, workers=0, cache=cache, engines=ENGINES, recipe_files=sources, repair=True)
 
     before = tree(copied)
-    assert repaired().mended == ()
+    assert repair().repaired == ()
     (copied / "recipe/common.yaml").write_text("recipe: another\n")
-    assert len(repaired().mended) == 1
+    assert len(repair().repaired) == 1
     assert tree(copied) == before
 
 

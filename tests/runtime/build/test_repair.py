@@ -59,10 +59,10 @@ def test_a_flipped_bit_is_detected_and_only_its_frame_is_rendered_again(made: Bu
     _flip(made.path / STREET / "rgb/000003.png")
     assert not _build(tmp_path).built  # the sizes are unchanged
     assert not _is_intact(made.path)
-    mended = _build(tmp_path, calls, repair=True)
+    repaired = _build(tmp_path, calls, repair=True)
     assert [what for what, _ in calls] == ["observe", "shade", "shade"]  # frame 3, in the view's two weathers
-    assert mended.mended == (f"{STREET}/rgb/000003.png differs from its SHA-256 in the manifest",)
-    assert (mended.identity, tree(mended.path)) == (made.identity, before)
+    assert repaired.repaired == (f"{STREET}/rgb/000003.png differs from its SHA-256 in the manifest",)
+    assert (repaired.identity, tree(repaired.path)) == (made.identity, before)
     assert _is_intact(made.path)
     kept = [path for path, inode in _inodes(made.path).items() if inode == inodes[path] and "/rgb/" in path]
     assert len(kept) == sum("/rgb/" in path for path in before) - 2
@@ -79,9 +79,9 @@ def test_a_shared_label_file_is_repaired_in_every_variant(made: BuildResult, tmp
     alone.unlink()
     alone.write_bytes(body)
     _flip(alone)
-    mended = _build(tmp_path, repair=True)
-    assert len(mended.mended) == shared.stat().st_nlink + 1
-    assert tree(mended.path) == before
+    repaired = _build(tmp_path, repair=True)
+    assert len(repaired.repaired) == shared.stat().st_nlink + 1
+    assert tree(repaired.path) == before
     assert alone.stat().st_nlink == shared.stat().st_nlink > 1
 
 
@@ -118,7 +118,7 @@ def test_every_other_kind_of_file_is_repaired(made: BuildResult, tmp_path: Path,
         (made.path / path).unlink()
     else:
         _flip(made.path / path)
-    assert any(path in line for line in _build(tmp_path, repair=True).mended)
+    assert any(path in line for line in _build(tmp_path, repair=True).repaired)
     assert tree(made.path) == before
 
 
@@ -129,14 +129,14 @@ def test_links_and_pipes_in_place_of_a_file_are_replaced(made: BuildResult, tmp_
         (made.path / STREET / path).unlink()
     (made.path / STREET / "rgb/000001.png").symlink_to(outside)
     os.mkfifo(made.path / STREET / "labels.jsonl")
-    assert len(_build(tmp_path, repair=True).mended) == 2
+    assert len(_build(tmp_path, repair=True).repaired) == 2
     assert tree(made.path) == before and not (made.path / STREET / "rgb/000001.png").is_symlink()
 
 
 def test_an_intact_dataset_is_unchanged(made: BuildResult, tmp_path: Path) -> None:
     inodes, calls = _inodes(made.path), Calls()
     result = _build(tmp_path, calls, repair=True)
-    assert (result.built, result.mended, calls, _inodes(made.path)) == (False, (), [], inodes)
+    assert (result.built, result.repaired, calls, _inodes(made.path)) == (False, (), [], inodes)
 
 
 def test_a_damaged_trace_in_the_cache_is_not_used(made: BuildResult, tmp_path: Path) -> None:

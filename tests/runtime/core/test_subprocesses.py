@@ -1,4 +1,4 @@
-"""Processes start without collections of reference cycles, which took a fifth of the time of their imports."""
+"""Processes start without garbage collection, which took a fifth of the time of their imports."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def main():
 
 @pytest.fixture
 def threshold() -> Iterator[tuple[int, int, int]]:
-    """The thresholds before the test, set again after it."""
+    """Return the thresholds of garbage collection before the test, and restore them after it."""
     before = gc.get_threshold()
     yield before
     gc.set_threshold(*before)
@@ -38,7 +38,7 @@ def test_no_collection_runs_while_a_child_imports_modules(tmp_path: Path, monkey
     assert subprocess.run(command, capture_output=True, check=True).stdout == b"0\n"
 
 
-def test_the_command_line_collects_as_rarely_as_its_children(
+def test_the_command_line_has_the_thresholds_of_its_children(
     threshold: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = []

@@ -1,4 +1,4 @@
-"""The contact sheet shows every RGB camera of every variant, each in the shape of its pictures."""
+"""The contact sheet shows every RGB camera of every variant, with the aspect ratio of its pictures."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_cameras_of_one_variant_are_arranged_as_a_grid(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), [(24, 48), (96, 24)])
-def test_pictures_keep_their_shape(tmp_path: Path, width: int, height: int) -> None:
+def test_pictures_keep_their_aspect_ratio(tmp_path: Path, width: int, height: int) -> None:
     sheet = _sheet(tmp_path, [_sensor("front"), _sensor("tall", width, height)], ["base"])
     rows, columns = np.nonzero((sheet == COLOURS["tall"]).all(axis=-1))
     shown = (np.ptp(columns) + 1) / (np.ptp(rows) + 1)

@@ -1,4 +1,4 @@
-"""Simulates in the process of the tests, for tests of motion: a child process takes half a second to start.
+"""Simulate in the process of the tests, because starting a child process takes half a second.
 
 The last bits of a Trace may differ from those of a child, which hides CPU features from the C library.
 """
@@ -15,7 +15,7 @@ from recipe_runtime.simulation.loop import run
 
 
 def simulate(scene: ScenePlan) -> Trace:
-    """The motion of a scene, with its contacts."""
+    """Return the motion of a scene, with its contacts."""
     parts = [f"{actor.name}/{part}" for actor in scene.actors for part in part_names(actor.shape)]
     with closing(TraceWriter([actor.name for actor in scene.actors], parts, scene.clock.frames)) as writer:
         contacts = run(scene, writer.write, lambda *_: None)

@@ -164,7 +164,7 @@ def test_the_work_folder_of_a_killed_export_is_removed(built: Dataset, tmp_path:
 
 
 def _is_killed(change: int, export: Callable[[], object]) -> bool:
-    """Export in a child process that ends at the n-th change of a folder from when the old export is moved."""
+    """Export in a child process that is killed at the n-th change of a folder, from the move of the old export on."""
     child = os.fork()
     if child == 0:
         left = [change, 0]

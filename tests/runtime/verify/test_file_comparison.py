@@ -1,4 +1,4 @@
-"""A JSON file of a dataset that differs from the one written here: the message names the file and the field."""
+"""The message on a JSON file of a dataset that differs names the file and the field."""
 
 from __future__ import annotations
 
@@ -46,5 +46,5 @@ def test_forged_ground_truth_is_reported_with_its_fields(tmp_path: Path) -> None
         (b"[]", "it differs in the whole document"),
     ],
 )
-def test_any_content_is_answered(tmp_path: Path, body: bytes, words: str) -> None:
+def test_any_content_gives_a_message(tmp_path: Path, body: bytes, words: str) -> None:
     assert words in _message(tmp_path, body)
