@@ -95,7 +95,7 @@ def variants_of(plan: DatasetPlan, weather: str, hour: str) -> dict[str, Scenari
 def compared(
     source: SceneSource, variants: dict[str, ScenarioPlan], frame: int
 ) -> tuple[NDArray[np.bool_], dict[str, Picture]]:
-    """Which pixels of a frame show the patch, and the frame's picture by way of insertion."""
+    """Return the mask of a frame's pixels that show the patch, and the frame's picture by method of insertion."""
     sensor = variants["green"].rig.sensors[0]
     seen = source.observe(sensor, frame)
     mask = source.patch_map(seen, variants["green"].appearance, frame) > 0
@@ -103,7 +103,7 @@ def compared(
 
 
 def cropped(picture: Picture, mask: NDArray[np.bool_]) -> Picture:
-    """The part of a picture around the pixels of a mask."""
+    """Return the part of a picture around the pixels of a mask."""
     rows, columns = np.nonzero(mask)
     top, left = max(0, int(rows.min()) - MARGIN), max(0, int(columns.min()) - MARGIN)
     return picture[top : int(rows.max()) + MARGIN, left : int(columns.max()) + MARGIN]

@@ -96,7 +96,7 @@ def compare(variant: ScenarioPlan, frames: int) -> tuple[float, float]:
 
 @contextmanager
 def without_shadows() -> Iterator[None]:
-    """Give no lamp a slot for a shadow map, and draw none."""
+    """Disable shadow maps of lamps."""
 
     def no_slots(*arguments: Any) -> LampSlots:
         slots = assign_slots(*arguments)

@@ -12,7 +12,7 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
-EVERY = 0.2  # seconds between two looks
+EVERY = 0.2  # seconds between two measurements
 _MARK = "RECIPE_BENCH_RUN"
 _TICK = os.sysconf("SC_CLK_TCK")
 

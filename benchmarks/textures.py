@@ -1,4 +1,4 @@
-"""Another texture in a frame, beside a frame of the plain script of the same scene: CPU time on one core.
+"""CPU time on one core of a frame with another texture, compared with a frame of the plain script.
 
     python -m benchmarks.textures --updates 100 --frames 4
 
@@ -37,7 +37,7 @@ PLAIN = {"TinyRenderer, shadows": "1", "TinyRenderer, default": "default"}
 TURNS = 3
 NEW_FRAMES = range(4, 12)
 PASSES = 20  # forward and backward
-WARM = 2  # times that are left out
+WARM = 2  # omitted measurements
 
 Result = dict[str, Any]
 
