@@ -239,7 +239,7 @@ def _indentation(lines: list[str], place: Place) -> Problem | None:
     deeper = not open_columns or indent > max(open_columns)
     if not open_columns or indent in open_columns or (deeper and re.search(r"[:|>,{\[]\Z|\A-", last)):
         return None
-    if not re.match(r"-( |\Z)|[^\s#]+.*:( |\Z)", own.strip()):
+    if not re.match(r"-( |\Z)|[^\s#].*:( |\Z)", own.strip()):
         return None
     near = min(open_columns, key=lambda column: (abs(column - indent), -column))
     beside = open_columns[near]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 _ABOVE = 15  # entries above the place of the error that are tried, beside those of the maps that are open there
 _WORK = 300_000  # characters that are parsed in all tries, about a second
-_ENTRY = re.compile(r"-( |\Z)|[^\s#]+.*:( |\Z)")
+_FAR = 1000  # lines from a line to a sibling
+_MOST = 40  # lines that are tried
+_ENTRY = re.compile(r"-( |\Z)|[^\s#].*:( |\Z)")
 
 
 class Repair(NamedTuple):
@@ -34,8 +36,11 @@ def misindented_line(lines: Sequence[str], place: int, parses: Callable[[str], b
         parses: returns whether a text is YAML.
     """
     found: list[tuple[tuple[int, ...], Repair]] = []
-    step, left = _step(lines), _WORK // (1 + sum(len(line) + 1 for line in lines))
-    for number in _candidates(lines, place):
+    left = _WORK // (1 + sum(len(line) + 1 for line in lines))
+    if not left:
+        return None
+    step = _step(lines)
+    for number in islice(_candidates(lines, place), _MOST):
         for repair in _repairs(lines, number):
             if left <= 0:
                 break
@@ -67,7 +72,8 @@ def _repairs(lines: Sequence[str], number: int) -> Iterator[Repair]:
     if _is_mixed(lines, number):
         return
     is_list, is_first = own.lstrip().startswith("-"), not any(map(_is_entry, lines[: number - 1]))
-    for way in (range(number - 1, 0, -1), range(number + 1, len(lines) + 1)):
+    last = min(number + _FAR, len(lines))
+    for way in (range(number - 1, max(0, number - _FAR), -1), range(number + 1, last + 1)):
         least = 1 << 20
         for other in way:
             line = lines[other - 1]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import time
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from recipe_compiler.source.yaml_reader import parse
@@ -76,3 +78,15 @@ def test_the_number_of_attempts_is_bounded() -> None:
     lines = [f"{' ' * (n % 7)}key{n}: {'x' * 200}" for n in range(300)]
     assert misindented_line(lines, 300, parses) is None
     assert 0 < sum(tried) < 400_000
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [["a:", "   b: 1", "  " + "c" * 900_000], [f"k{n}: 1" for n in range(60_000)] + ["  b: 1"]],
+    ids=["a long line", "many lines"],
+)
+def test_a_large_text_takes_little_time(lines: list[str]) -> None:
+    """Squares of its length would take minutes."""
+    before = time.process_time()
+    _, problems = parse("\n".join(lines).encode(), "f.yaml")
+    assert problems and time.process_time() - before < 20.0
