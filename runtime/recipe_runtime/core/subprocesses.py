@@ -4,7 +4,7 @@
 be imported. The child's first statement sets its parent's path without the entry for the current folder.
 
 Python's collector of reference cycles starts after 200,000 new objects instead of 700. While modules are imported it
-would find nothing, and take a fifth of the time; simulation and rendering create hardly any cycles.
+would find hardly anything, and take a tenth of the CPU time or more; simulation and rendering create few cycles.
 """
 
 from __future__ import annotations
