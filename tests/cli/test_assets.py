@@ -39,7 +39,7 @@ def test_a_plan_lists_assets_with_digests_and_sizes(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_dataset_with_assets_passes_verification_alone_and_with_its_recipe(tmp_path: Path) -> None:
     shutil.copytree(GOOD, tmp_path / "recipe")
-    run("build", "recipe/recipe.yaml", "--out", "set", "--workers", "1", cwd=tmp_path, in_process=False)
+    run("build", "recipe/recipe.yaml", "--out", "set", "--workers", "1", cwd=tmp_path)
     shutil.move(tmp_path / "recipe", tmp_path / "away")
     alone = run("verify", "set", "--frames", "2", "--workers", "1", cwd=tmp_path)
     assert alone.startswith("PASS")

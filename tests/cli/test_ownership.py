@@ -21,7 +21,7 @@ from recipe_runtime.cache import pruning
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES
 
-OTHER_PLAN = RECIPE.replace("HardRainNoon", "WetNoon")
+OTHER_PLAN = RECIPE.replace("HardRainNight", "WetNight")
 COMMANDS = {"build": build, "lock": lock, "verify": verify, "diff": diff, "shot": shot, "pack": pack}
 Run = Callable[..., Result]
 
@@ -458,7 +458,7 @@ def test_diff_suggests_no_update_of_the_lockfile_of_another_recipe(recipe: Run) 
     assert recipe("lock", "a.yaml").exit_code == 0
     found = recipe("diff", "a.yaml", "b.yaml")
     assert "lockfiles/small.lock is the lockfile of" in found.stderr and "--update" not in found.stderr
-    write("a.yaml", OTHER_PLAN.replace("WetNoon", "SoftRainNoon"))
+    write("a.yaml", OTHER_PLAN.replace("WetNight", "SoftRainNight"))
     assert "`recipe lock --update` updates it" in recipe("diff", "a.yaml", "b.yaml").stderr
 
 

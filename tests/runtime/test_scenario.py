@@ -31,7 +31,7 @@ RAIN = "weather=rain"
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the smallest dataset made by the real engines."""
-    return build(compiled(TINY), tmp_path_factory.mktemp("built") / "tiny").path
+    return build(compiled(TINY), tmp_path_factory.mktemp("built") / "tiny", workers=0).path
 
 
 def _read(path: Path) -> NDArray[np.generic]:

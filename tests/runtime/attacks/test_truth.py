@@ -133,7 +133,7 @@ def compiled(recipe: Path) -> Compiled:
 @pytest.fixture(scope="module")
 def built(recipe: Path) -> Path:
     plan, engines = opened(recipe)
-    build(plan, recipe.parent / "out", engines=engines, cache=recipe.parent / "cache")
+    build(plan, recipe.parent / "out", engines=engines, cache=recipe.parent / "cache", workers=0)
     return recipe.parent / "out"
 
 
@@ -236,7 +236,7 @@ def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe
     out, cache = tmp_path / "out", recipe.parent / "cache"
     text = recipe.read_text()
     plan, engines = opened(recipe)
-    build(plan, out, engines=engines, cache=cache)
+    build(plan, out, engines=engines, cache=cache, workers=0)
     before = {
         name: (out / layout.patches_file("weather=clear", name, 2)).read_bytes() for name in ("street", "distorted")
     }
@@ -244,7 +244,7 @@ def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe
     changed = '{clear: {}, red: {patches: {paint: {texture: {color: "#ff0000"}}}}}'
     other.write_text(text.replace("{clear: {}, rainy: {weather: HardRainNoon}}", changed))
     plan, engines = opened(other)
-    done = build(plan, out, engines=engines, cache=cache, replace=True)
+    done = build(plan, out, engines=engines, cache=cache, workers=0, replace=True)
     assert done.taken_frames > 0
     for name, body in before.items():
         assert (out / layout.patches_file("weather=clear", name, 2)).read_bytes() == body

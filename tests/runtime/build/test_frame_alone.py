@@ -71,9 +71,9 @@ def recipe(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 @pytest.fixture(scope="module")
 def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> Manifest:
-    """Return the manifest of the full dataset, built by one worker that renders the frames in order."""
+    """Return the manifest of the full dataset, built by this process, which renders the frames in order."""
     folder = tmp_path_factory.mktemp("built")
-    return build(compile_recipe(recipe).plan, folder / "dataset", workers=1, cache=folder / "cache").manifest
+    return build(compile_recipe(recipe).plan, folder / "dataset", workers=0, cache=folder / "cache").manifest
 
 
 @pytest.mark.slow

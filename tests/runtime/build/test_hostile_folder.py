@@ -13,8 +13,9 @@ RECIPE = """\
 recipe: small
 seed: 1
 base:
-  clock: {fps: 10, frames: 2}
-  town: {name: downtown, blocks: [1, 1]}
+  clock: {fps: 10, frames: 1}
+  town: {name: plaza, size: [40, 40], storeys: 2, trees: 0}
+  weather: ClearNight
   actors:
     walker: {blueprint: walker.pedestrian.*, start: {x: -4, y: 1, yaw: -90}, goal: {x: -4, y: -9}}
   sensors:

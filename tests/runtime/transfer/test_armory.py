@@ -72,7 +72,8 @@ def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def dataset(recipe: Path) -> Dataset:
     plan, engines = opened(recipe)
-    return reader.read(build(plan, recipe.parent / "out", engines=engines, cache=recipe.parent / "cache").path)
+    folder = recipe.parent
+    return reader.read(build(plan, folder / "out", engines=engines, cache=folder / "cache", workers=0).path)
 
 
 @pytest.fixture(scope="module")
