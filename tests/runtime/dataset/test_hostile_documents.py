@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,11 +17,12 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler.ir import lockfile
+from recipe_compiler.ir import lockfile, lockfile_rows
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import ScenarioPlan, TownPlan
 from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.plan_reader import PlanReader
 from recipe_runtime.transfer.bundle import Pack, unpacked
@@ -267,23 +269,33 @@ import sys, time
 from pathlib import Path
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.lockfile_rows import MAX_ROWS
 from recipe_runtime.dataset import manifest_reader, reader
+share = int(sys.argv[3])  # of the limits on rows
+MAX_ROWS.update(frame=MAX_ROWS["frame"] // share, body=MAX_ROWS["body"] // share)
+manifest_reader.MAX_FILES //= share
+manifest_reader.MAX_ROWS //= share
 def peak():  # ru_maxrss would start at that of the process that forked this one
     return int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0])
-start = time.process_time()
+before, start = peak(), time.process_time()
 try:
     kind, path = sys.argv[1], Path(sys.argv[2])
     {"lockfile": lockfile.read, "manifest": manifest_reader.read, "plan": reader.plan_alone}[kind](path)
     said = "accepted"
 except (InputError, ValueError) as error:
     said = str(error)[-200:]
-print(time.process_time() - start, peak(), said)
+print(time.process_time() - start, peak() - before, said)
 """
 
 
-def measured(kind: str, path: Path) -> tuple[float, int, str]:
-    """Read a document in a new process; return its CPU seconds, its memory in bytes and its message."""
-    done = subprocess.run([sys.executable, "-c", _READ, kind, str(path)], capture_output=True, text=True, check=True)
+def measured(kind: str, path: Path, share: int = 1) -> tuple[float, int, str]:
+    """Read a document in a new process, with 1/share of the limits on rows.
+
+    Returns:
+        The CPU seconds, the bytes of memory that reading adds, and the message.
+    """
+    command = [sys.executable, "-c", _READ, kind, str(path), str(share)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     seconds, kilobytes, said = done.stdout.strip().split(" ", 2)
     return float(seconds), int(kilobytes) * 1024, said
 
@@ -294,21 +306,34 @@ def frame_rows(number: int) -> str:
 
 HEAD = f"recipe-lock 1\nrecipe x x.yaml {'0' * 64}\n"
 BODY = f"body {{n:064x}} 1 hero {'0' * 64} {','.join(['01234567'] * 64)}\n"
-LARGE: dict[str, tuple[str, Callable[[], str], str]] = {
-    "as many frames as there may be": ("lockfile", lambda: HEAD + frame_rows(600_000), "accepted"),
-    "more frames": ("lockfile", lambda: HEAD + frame_rows(600_001), "there are more than 600,000 frame rows"),
-    "bodies": ("lockfile", lambda: HEAD + "".join(BODY.format(n=n) for n in range(110_000)), "more than 100,000 body"),
-    "a long line": ("lockfile", lambda: HEAD + "tool " + "a" * 100_000_000, "the line is longer than 16,384 bytes"),
+# Documents that reach a limit on rows, by the divisor of the limits.
+LONG: dict[str, tuple[str, Callable[[int], str], str]] = {
+    "as many frames as there may be": ("lockfile", lambda share: HEAD + frame_rows(600_000 // share), "accepted"),
+    "more frames": (
+        "lockfile",
+        lambda share: HEAD + frame_rows(600_000 // share + 1),
+        "there are more than {600000:,} frame rows",
+    ),
+    "bodies": (
+        "lockfile",
+        lambda share: HEAD + "".join(BODY.format(n=n) for n in range(110_000 // share)),
+        "more than {100000:,} body",
+    ),
     "files": (
         "manifest",
-        lambda: '{"files": {' + ", ".join(f'"{n:060}": {{"size": 1, "sha256": "{n:064x}"}}' for n in range(700_000)),
-        "it lists more than 600,000 files",
+        lambda share: '{"files": {'
+        + ", ".join(f'"{n:060}": {{"size": 1, "sha256": "{n:064x}"}}' for n in range(700_000 // share)),
+        "it lists more than {600000:,} files",
     ),
     "digests": (
         "manifest",
-        lambda: '{"variants": {"a": {"frames": {"s": {"rgb": [' + ",".join(f'"{n:064x}"' for n in range(700_000)),
-        "it lists more than 600,000 frames' digests",
+        lambda share: '{"variants": {"a": {"frames": {"s": {"rgb": ['
+        + ",".join(f'"{n:064x}"' for n in range(700_000 // share)),
+        "it lists more than {600000:,} frames' digests",
     ),
+}
+LARGE: dict[str, tuple[str, Callable[[], str], str]] = {
+    "a long line": ("lockfile", lambda: HEAD + "tool " + "a" * 100_000_000, "the line is longer than 16,384 bytes"),
     "poses": (
         "plan",
         lambda: json.dumps(posed(1_200_000), separators=(",", ":")),
@@ -323,9 +348,35 @@ LARGE: dict[str, tuple[str, Callable[[], str], str]] = {
 @pytest.mark.parametrize("name", LARGE)
 def test_no_document_takes_a_gigabyte_or_a_minute(tmp_path: Path, name: str) -> None:
     kind, make, says = LARGE[name]
-    path = tmp_path / ("manifest.json" if kind == "manifest" else "document")
+    path = tmp_path / "document"
     path.write_text(make())
-    seconds, memory, said = measured(kind, path.parent if kind == "manifest" else path)
+    seconds, memory, said = measured(kind, path)
     assert says in said
     assert seconds < 60
     assert memory < 1 << 30
+
+
+def read_long(folder: Path, name: str, share: int) -> None:
+    """Read a document of so many rows, with limits divided by `share`, in its share of a gigabyte and of a minute."""
+    kind, make, says = LONG[name]
+    path = folder / ("manifest.json" if kind == "manifest" else "document")
+    path.write_text(make(share))
+    seconds, memory, said = measured(kind, path.parent if kind == "manifest" else path, share)
+    assert re.sub(r"\{(\d+):,\}", lambda limit: f"{int(limit[1]) // share:,}", says) in said
+    assert seconds < 60 / share
+    assert memory < (1 << 30) / share
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_rows_take_time_and_memory_in_proportion(tmp_path: Path, name: str) -> None:
+    """A tenth of the rows, under a tenth of each limit; `make test-reliability` reads documents of the real size."""
+    assert (lockfile_rows.MAX_ROWS["frame"], lockfile_rows.MAX_ROWS["body"]) == (600_000, 100_000)
+    assert (manifest_reader.MAX_FILES, manifest_reader.MAX_ROWS) == (600_000, 600_000)
+    read_long(tmp_path, name, 10)
+
+
+@pytest.mark.reliability
+@pytest.mark.parametrize("name", LONG)
+def test_no_document_of_many_rows_takes_a_gigabyte_or_a_minute(tmp_path: Path, name: str) -> None:
+    read_long(tmp_path, name, 1)
