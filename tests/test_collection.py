@@ -16,3 +16,8 @@ def test_no_folder_of_tests_is_skipped(pytestconfig: pytest.Config) -> None:
     folders = {part for path in files for part in path.parts[:-1]}
     assert "build" in folders
     assert not [name for name in folders for pattern in patterns if fnmatch(name, pattern)]
+
+
+def test_names_of_tests_are_short(request: pytest.FixtureRequest) -> None:
+    """One was 12 MB long: pytest-xdist sends names between processes, and pytest puts them into the environment."""
+    assert [item.nodeid[:200] for item in request.session.items if len(item.nodeid) > 500] == []

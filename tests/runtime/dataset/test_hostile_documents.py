@@ -321,14 +321,17 @@ LONG: dict[str, tuple[str, Callable[[int], str], str]] = {
     ),
     "files": (
         "manifest",
-        lambda share: '{"files": {'
-        + ", ".join(f'"{n:060}": {{"size": 1, "sha256": "{n:064x}"}}' for n in range(700_000 // share)),
+        lambda share: (
+            '{"files": {'
+            + ", ".join(f'"{n:060}": {{"size": 1, "sha256": "{n:064x}"}}' for n in range(700_000 // share))
+        ),
         "it lists more than {600000:,} files",
     ),
     "digests": (
         "manifest",
-        lambda share: '{"variants": {"a": {"frames": {"s": {"rgb": ['
-        + ",".join(f'"{n:064x}"' for n in range(700_000 // share)),
+        lambda share: (
+            '{"variants": {"a": {"frames": {"s": {"rgb": [' + ",".join(f'"{n:064x}"' for n in range(700_000 // share))
+        ),
         "it lists more than {600000:,} frames' digests",
     ),
 }

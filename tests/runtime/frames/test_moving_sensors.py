@@ -10,7 +10,8 @@ from recipe_compiler.ir.rig.arm import PIVOT
 from recipe_runtime.core.trace import METRE
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.source import SceneSource
-from recipe_runtime.simulation.process import simulate
+
+from tests.runtime.simulation.in_process import simulate
 
 # A walk along buildings and walls.
 WALK = """

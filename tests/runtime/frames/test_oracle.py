@@ -18,9 +18,9 @@ from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.colormaps import instance_picture
 from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.render.raster.observation import FrameLabels
-from recipe_runtime.simulation.process import simulate
 
 from tests.runtime.oracle_tiny import TinyView, tiny_render
+from tests.runtime.simulation.in_process import simulate
 from tests.sources import ROOT
 
 LARGE = 1000  # pixels; smaller masks are not compared

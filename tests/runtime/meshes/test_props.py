@@ -27,12 +27,12 @@ from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.frames.engines import Engines, real_engines
 from recipe_runtime.meshes.props import prop_body
-from recipe_runtime.simulation.process import simulate
 from recipe_runtime.transfer.bundle import Pack, unpacked
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
+from tests.runtime.simulation.in_process import simulate
 from tests.runtime.simulation.test_simulation import HERO1, TOWN
 
 GOOD = Path(__file__).parents[2] / "cases/good/assets/recipe.yaml"

@@ -308,7 +308,7 @@ def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:
         {"depth": 1e300},
         {"more": [[]] * 3_000_000},
     ],
-    ids=str,
+    ids=lambda broken: str(broken)[:40],
 )
 def test_a_forged_truth_is_an_error(
     dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: dict[str, Any]
