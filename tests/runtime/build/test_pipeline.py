@@ -33,13 +33,14 @@ from recipe_runtime.verify import locking
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, NOTED, UNLOADABLE, dataset_plan, sensor_plan, simulate, tree
 
 ROOT = Path(__file__).parents[3]
+PLAN = dataset_plan(frames=8)  # the broken renderers fail at frame 7
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> BuildResult:
     """Return the dataset that all others are compared with."""
     folder = tmp_path_factory.mktemp("made")
-    return build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES)
+    return build(PLAN, folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES)
 
 
 def again(
@@ -51,7 +52,7 @@ def again(
     shard_frames: int = SHARD_FRAMES,
 ) -> BuildResult:
     return build(
-        plan or dataset_plan(),
+        plan or PLAN,
         folder / "tiny",
         workers=workers,
         cache=folder / "cache",
@@ -61,7 +62,7 @@ def again(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("workers", "size"), [(2, 2), (1, 5), (0, 100)])
+@pytest.mark.parametrize(("workers", "size"), [(2, 2), (0, 100)])
 def test_workers_and_shards_change_no_byte(made: BuildResult, tmp_path: Path, workers: int, size: int) -> None:
     result = again(tmp_path, workers=workers, shard_frames=size)
     assert tree(result.path) == tree(made.path)
@@ -70,7 +71,7 @@ def test_workers_and_shards_change_no_byte(made: BuildResult, tmp_path: Path, wo
 
 @pytest.mark.slow
 def test_order_changes_no_byte(made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shards = all_shards(dataset_plan(), 2)
+    shards = all_shards(PLAN, 2)
     random.Random(4).shuffle(shards)
     monkeypatch.setattr(build_module, "all_shards", lambda *_: shards)
     assert tree(again(tmp_path, workers=0).path) == tree(made.path)
@@ -82,9 +83,9 @@ def test_no_file_contains_a_path_of_the_host(made: BuildResult) -> None:
 
 
 def test_files_hold_the_same_frames_as_single_renderings(made: BuildResult) -> None:
-    for variant in dataset_plan().variants:
+    for variant in PLAN.variants:
         frames = made.manifest["variants"][variant.variant]["frames"]
-        for number in (11, 0, 6):
+        for number in (7, 0, 4):
             source = FrameSource(variant, simulate(variant.scene), engines=ENGINES)
             arrays = source.render("street", number)
             folder = made.path / variant.variant / "street"
@@ -149,7 +150,7 @@ def test_only_a_damaged_dataset_is_built_again(made: BuildResult, tmp_path: Path
 
 @pytest.mark.slow
 def test_another_plan_replaces_the_dataset(made: BuildResult, tmp_path: Path) -> None:
-    again(tmp_path, dataset_plan(weathers=1), workers=0)
+    again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0)
     result = again(tmp_path, workers=0)
     assert tree(result.path) == tree(made.path)
     assert not (tmp_path / ".tiny.partial").exists()
@@ -176,7 +177,7 @@ def test_a_folder_without_a_dataset_is_refused_and_unchanged(tmp_path: Path) -> 
 
 
 def test_a_dataset_with_a_foreign_file_is_not_replaced(tmp_path: Path) -> None:
-    notes = again(tmp_path, dataset_plan(weathers=1), workers=0).path / "preview" / "notes.txt"
+    notes = again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0).path / "preview" / "notes.txt"
     notes.write_text("kept")
     with pytest.raises(InputError, match=r"holds a file that is not the dataset's, preview/notes\.txt; move it away"):
         again(tmp_path, workers=0)
@@ -188,7 +189,7 @@ from pathlib import Path
 from recipe_runtime.build.pipeline import build
 from tests.runtime.fakes import SLOW, dataset_plan
 folder = Path({folder!r})
-build(dataset_plan(), folder / "tiny", cache=folder / "cache", engines=SLOW, workers=2, shard_frames=2)
+build(dataset_plan(frames=8), folder / "tiny", cache=folder / "cache", engines=SLOW, workers=2, shard_frames=2)
 """
 
 
@@ -281,7 +282,7 @@ def test_a_changed_record_is_not_used(made: BuildResult, tmp_path: Path) -> None
 @pytest.mark.slow
 def test_another_plan_does_not_resume_the_work(tmp_path: Path) -> None:
     stopped(tmp_path)
-    plan = dataset_plan(weathers=3)
+    plan = dataset_plan(frames=8, weathers=1)
     result = again(tmp_path, plan, workers=0, shard_frames=2)
     assert result.resumed == 0
     fresh = again(tmp_path / "fresh", plan, workers=0)
@@ -290,7 +291,7 @@ def test_another_plan_does_not_resume_the_work(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_stop_between_the_renames_loses_nothing(made: BuildResult, tmp_path: Path) -> None:
-    old = again(tmp_path, dataset_plan(weathers=1), workers=0)
+    old = again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0)
     partial = stopped(tmp_path)
     old.path.rename(partial / "old")
     with pytest.raises(RunError):
@@ -301,7 +302,7 @@ def test_a_stop_between_the_renames_loses_nothing(made: BuildResult, tmp_path: P
 
 @pytest.mark.slow
 def test_a_stop_after_the_renames_leaves_nothing_behind(made: BuildResult, tmp_path: Path) -> None:
-    old = again(tmp_path, dataset_plan(weathers=1), workers=0)
+    old = again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0)
     partial = stopped(tmp_path)
     old.path.rename(partial / "old")
     shutil.rmtree(partial / "dataset")
@@ -316,7 +317,8 @@ def test_a_stop_while_the_work_folder_is_removed_does_not_block_later_builds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
 ) -> None:
     """Otherwise later builds would refuse the folder as one of another program."""
-    again(tmp_path, dataset_plan(weathers=1), workers=0)
+    plan, other, third = (dataset_plan(frames=2, weathers=weathers) for weathers in (2, 1, 3))
+    again(tmp_path, other, workers=0)
     remove, count = shutil.rmtree, 0
 
     def stops(path: Path, **more: Any) -> None:
@@ -329,12 +331,12 @@ def test_a_stop_while_the_work_folder_is_removed_does_not_block_later_builds(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(shutil, "rmtree", stops)
-        again(tmp_path, workers=0)
+        again(tmp_path, plan, workers=0)
     partial = tmp_path / ".tiny.partial"
     assert (partial / "job.json").is_file()
-    assert not again(tmp_path, workers=0).built  # the dataset was already in place
+    assert not again(tmp_path, plan, workers=0).built  # the dataset was already in place
     assert not partial.exists()
-    assert again(tmp_path, dataset_plan(weathers=3), workers=0).built
+    assert again(tmp_path, third, workers=0).built
 
 
 @pytest.mark.slow
@@ -376,7 +378,7 @@ def test_a_lost_worker_is_reported(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_lock_without_a_journal_does_not_promise_to_resume(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"a worker process was lost .* with fewer workers, try again$"):
-        locking.lock(dataset_plan(), "", {}, workers=1, progress=lambda *_: None, engines=DYING)
+        locking.lock(PLAN, "", {}, workers=1, progress=lambda *_: None, engines=DYING)
 
 
 @pytest.mark.slow
@@ -391,12 +393,12 @@ def test_a_worker_lost_between_two_shards_is_reported(tmp_path: Path, monkeypatc
         sends(pipe, value)
 
     monkeypatch.setattr(Connection, "send", lose)
-    with pytest.raises(RunError, match=r"frames 5 to 9: a worker process was lost .* build again: what is done"):
+    with pytest.raises(RunError, match=r"frames 5 to 7: a worker process was lost .* build again: what is done"):
         again(tmp_path, workers=1)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("delay", [0.0, 0.15, 0.3, 0.45])
 def test_an_interrupt_while_workers_start_is_silent(tmp_path: Path, delay: float) -> None:
     """As from a terminal, the whole process group gets the signal; workers must print nothing."""
     code = textwrap.indent(BUILD_SLOWLY.format(folder=str(tmp_path)), "    ")
@@ -441,7 +443,7 @@ def test_after_a_full_disk_the_finished_work_is_resumed(
 def test_a_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file is a file; choose another folder"):
-        build(dataset_plan(), tmp_path / "file" / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+        build(PLAN, tmp_path / "file" / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
 
 
 def test_two_builds_cannot_write_one_folder(tmp_path: Path) -> None:
@@ -483,9 +485,9 @@ def test_a_dataset_with_labels_only(tmp_path: Path) -> None:
 def test_progress_ends_at_the_total_and_seconds_are_counted_by_stage(tmp_path: Path) -> None:
     events: dict[str, list[tuple[int, int]]] = {}
     result = build(
-        dataset_plan(),
+        PLAN,
         tmp_path / "tiny",
-        workers=2,
+        workers=1,
         cache=tmp_path / "cache",
         engines=ENGINES,
         progress=lambda stage, done, total: events.setdefault(stage, []).append((done, total)),
@@ -494,5 +496,5 @@ def test_progress_ends_at_the_total_and_seconds_are_counted_by_stage(tmp_path: P
     for steps in events.values():
         assert [done for done, _ in steps] == sorted(done for done, _ in steps)
         assert steps[-1][0] == steps[-1][1] > 0
-    assert events["render"][-1] == (96, 96)
+    assert events["render"][-1] == (64, 64)
     assert {"simulate", "observe", "shade", "encode", "annotate", "hash", "write"} <= result.seconds.keys()
