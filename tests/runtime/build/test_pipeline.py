@@ -371,7 +371,7 @@ def test_workers_load_the_scene_while_it_is_simulated(
 
 @pytest.mark.slow
 def test_a_lost_worker_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"weather=w0,jitter=still.*frames 5 to 9: a worker process was lost \(exit -9"):
+    with pytest.raises(RunError, match=r"weather=w0,jitter=still.*frames 5 to 7: a worker process was lost \(exit -9"):
         again(tmp_path, engines=DYING, workers=1)
 
 
@@ -458,7 +458,7 @@ def test_two_builds_cannot_write_one_folder(tmp_path: Path) -> None:
 
 
 def test_variant_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> None:
-    plan = dataset_plan()
+    plan = PLAN
     for names, message in (
         (("speed=1.5", "speed=1_5"), "would share the folder speed=1_5/"),
         (("a", "preview"), "would share the folder preview/"),

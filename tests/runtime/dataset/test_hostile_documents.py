@@ -22,7 +22,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import ScenarioPlan, TownPlan
 from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
-from recipe_runtime.dataset import manifest_reader
+from recipe_runtime.dataset import limits as dataset_limits
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.plan_reader import PlanReader
 from recipe_runtime.transfer.bundle import Pack, unpacked
@@ -375,7 +375,7 @@ def read_long(folder: Path, name: str, share: int) -> None:
 def test_rows_take_time_and_memory_in_proportion(tmp_path: Path, name: str) -> None:
     """A tenth of the rows, under a tenth of each limit; `make test-reliability` reads documents of the real size."""
     assert (lockfile_rows.MAX_ROWS["frame"], lockfile_rows.MAX_ROWS["body"]) == (600_000, 100_000)
-    assert (manifest_reader.MAX_FILES, manifest_reader.MAX_ROWS) == (600_000, 600_000)
+    assert (dataset_limits.MAX_FILES, dataset_limits.MAX_ROWS) == (600_000, 600_000)
     read_long(tmp_path, name, 10)
 
 
