@@ -11,6 +11,7 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir import lockfile
 from recipe_runtime.verify.compare import compare_plans, compare_rows
 
+from tests.compiler.test_cases import assert_consistent
 from tests.sources import ROOT
 
 LOCKFILES = sorted((ROOT / "lockfiles").glob("*.lock"))
@@ -68,7 +69,9 @@ def test_a_lockfile_has_the_plan_and_the_rows_of_its_recipe(path: Path, locked: 
     """After a change of a recipe or of its plan, run `make lock`; this test renders no frames."""
     recipe = (path.parent / lockfile.read_source(path)).resolve()
     assert recipe in locked
-    plan = compile_recipe(recipe).plan
+    compiled = compile_recipe(recipe)
+    assert_consistent(compiled)
+    plan = compiled.plan
     lock = lockfile.read(path, plan)
     assert path.stem == plan.recipe == lock.recipe
     assert compare_plans(plan, lock) + compare_rows(plan, lock) == []

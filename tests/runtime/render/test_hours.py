@@ -44,13 +44,14 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
     pose = LOW if town == "downtown" else sensor.pose(0)  # the recipe's camera looks down at places lit by lamps
     seen = renderer.observe(camera, from_pose(pose), NOBODY)
     calm = {sensor.name: CameraResponse(noise=0.0)}
-    for name, weather in WEATHERS.items():
-        given = variant.appearance.weather.model_copy(update=weather)
-        light = []
-        for altitude in HOURS:
+    lights: dict[str, list[float]] = {name: [] for name in WEATHERS}
+    for altitude in HOURS:  # the outer loop: a renderer keeps the shadow maps of few sun directions
+        for name, weather in WEATHERS.items():
+            given = variant.appearance.weather.model_copy(update=weather)
             reported = {"weather": given, "sun": Sun(azimuth=30.0, altitude=altitude), "responses": calm}
             look = variant.appearance.model_copy(update=reported)
-            light.append(float(renderer.shade(seen, look, sensor.name, 0, 0.0).mean()))
+            lights[name].append(float(renderer.shade(seen, look, sensor.name, 0, 0.0).mean()))
+    for name, light in lights.items():
         assert all(later <= earlier + STEP for earlier, later in pairwise(light)), (name, light)
         assert all(value <= min(light[: n + 1]) + RISE for n, value in enumerate(light)), (name, light)
         evening, dusk, night = light[2], light[HOURS.index(-2.0)], light[-1]
