@@ -70,7 +70,7 @@ python-fits:
 	  echo "Dataset Recipe needs CPython 3.10 or 3.11: PyBullet has wheels for no other version. Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
 	  exit 2; fi
 
-test-quick: install-dev  ## tests of every package that take less than about 0.2 s of CPU each
+test-quick: install-dev  ## tests of every package that take less than about 0.1 s of CPU each
 	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval and not detector"
 
 test-cpus: install-dev  ## equal bytes on emulated CPUs (slow; needs qemu-user)

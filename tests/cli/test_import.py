@@ -16,6 +16,7 @@ from tests.compiler.carla.importing import CONFIGS, PAPER, TOGETHER
 EVERY = CONFIGS / "every_key.yaml"
 
 
+@pytest.mark.slow
 def test_it_writes_a_recipe_and_a_report_and_prints_the_report(tmp_path: Path) -> None:
     done = run_here("import", "carla", *PAPER, "-o", "new/folder", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")

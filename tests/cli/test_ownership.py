@@ -56,6 +56,7 @@ def manifest(folder: str) -> dict[str, str]:
     return found
 
 
+@pytest.mark.slow
 def test_the_dataset_of_another_recipe_is_not_replaced_without_replace(recipe: Run) -> None:
     write("a.yaml", RECIPE)
     write("b.yaml", OTHER_PLAN.replace("recipe: small", "recipe: other"))
@@ -71,6 +72,7 @@ def test_the_dataset_of_another_recipe_is_not_replaced_without_replace(recipe: R
     assert manifest("X")["recipe"] == "other"
 
 
+@pytest.mark.slow
 def test_the_commands_in_a_datasets_readme_do_not_change_it(recipe: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """A build inside a dataset would add files to it, and its verification would fail."""
     write("a.yaml", RECIPE)
@@ -93,6 +95,7 @@ def test_the_commands_in_a_datasets_readme_do_not_change_it(recipe: Run, monkeyp
     assert manifest("../small-again") == manifest(".")
 
 
+@pytest.mark.slow
 def test_two_recipes_of_one_name_do_not_share_a_dataset(recipe: Run) -> None:
     write("a/r.yaml", RECIPE)
     write("b/r.yaml", OTHER_PLAN)
@@ -125,6 +128,7 @@ def test_a_recipe_replaces_its_own_dataset_after_every_edit(recipe: Run) -> None
     assert recipe("build", "a.yaml").exit_code == 0
 
 
+@pytest.mark.slow
 def test_a_dataset_of_unknown_origin_is_not_replaced_without_replace(recipe: Run) -> None:
     write("a.yaml", RECIPE)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
@@ -167,6 +171,7 @@ def test_the_dataset_does_not_contain_the_path_of_the_recipe(recipe: Run) -> Non
         assert not path.is_file() or b"secret_place" not in path.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_dataset_at_a_url_is_not_replaced_by_a_recipe_of_another_name(recipe: Run, tmp_path: Path) -> None:
     write("a.yaml", RECIPE)
     write("b.yaml", OTHER_PLAN.replace("recipe: small", "recipe: other"))
@@ -262,6 +267,7 @@ def test_the_folder_of_another_user_is_not_a_project(tmp_path: Path) -> None:
     assert places.lockfile_path(recipe, "r").resolve().parent == tmp_path / "shared" / "lockfiles"
 
 
+@pytest.mark.slow
 def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> None:
     write("small.yaml", RECIPE)
     assert recipe("lock", "small.yaml").exit_code == 0

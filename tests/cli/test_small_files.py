@@ -22,6 +22,7 @@ from tests.cli.runner import run_here
 from tests.compiler.kitchen import small
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rain_bench", "rain-bench", "Rain2", "no", "12", "null", "a" * 64, "long_name_of_it"])
 def test_every_valid_name_makes_a_recipe(tmp_path: Path, name: str) -> None:
     done = CliRunner().invoke(init.command, [name, "--dir", str(tmp_path / "new")], catch_exceptions=False)
@@ -188,6 +189,7 @@ def test_a_bar_fits_the_terminal(columns: int) -> None:
     assert max(map(len, lines)) in range(columns - 8, columns + 1)
 
 
+@pytest.mark.slow
 def test_the_line_of_an_interrupted_bar_is_ended() -> None:
     assert on_a_terminal(_BAR.format(interrupt=True), 80).split("Traceback")[0].count("\n") == 0
     assert on_a_terminal(_BAR.format(interrupt=False), 80).endswith("\n")

@@ -62,6 +62,7 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Re
     return invoke
 
 
+@pytest.mark.slow
 def test_an_interrupted_build_counts_the_frames_that_it_kept(command: Callable[..., Result]) -> None:
     first = command(_stopping(0))
     assert (first.exit_code, problems(first.stderr)) == (130, [_NONE])
@@ -116,6 +117,7 @@ def test_an_interrupted_repair_does_not_claim_success(command: Callable[..., Res
     assert "every file has the bytes that its manifest lists" in command(_whole, "--repair").stdout
 
 
+@pytest.mark.slow
 def test_a_repair_interrupted_after_its_end_gets_the_same_message(
     command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -136,6 +138,7 @@ def test_a_repair_interrupted_after_its_end_gets_the_same_message(
     assert picture.read_bytes() == whole  # the dataset was already in place
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command_line", "stopped"),
     [

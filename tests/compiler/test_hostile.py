@@ -87,6 +87,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         compile_recipe(tmp_path / "nothing.yaml")
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 def test_any_bytes_are_refused_with_an_input_error(content: bytes) -> None:

@@ -41,6 +41,7 @@ def test_shared_labels_are_counted_once() -> None:
     assert one.minutes <= two.minutes
 
 
+@pytest.mark.slow
 def test_a_large_recipe_requires_allow_large(tmp_path: Path) -> None:
     path = tmp_path / "recipe.yaml"
     still = {"street": {"mount": {}, "camera": {"width": 16, "height": 16}, "capture": ["rgb"]}}
@@ -134,6 +135,7 @@ def test_sizes_have_suitable_units(tmp_path: Path) -> None:
         compile_recipe(path, free_disk=0)
 
 
+@pytest.mark.slow
 def test_the_estimate_of_the_weather_sweep_matches_its_build() -> None:
     cost = compile_recipe(RECIPES / "weather_sweep.yaml").cost
     assert 59 / 1.5 < cost.minutes * 60 < 59 * 1.5  # `recipe build --workers 1`, on one core of a 2020s x86

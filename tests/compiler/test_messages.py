@@ -108,6 +108,7 @@ def test_an_error_of_several_variants_is_reported_once_with_their_number(tmp_pat
     assert problem.note == "in variant w=wet,h=a, town downtown, and in 2 other variants"
 
 
+@pytest.mark.slow
 def test_a_town_without_room_is_reported_with_its_variant(tmp_path: Path) -> None:
     deltas = {"t": {"wide": {}, "narrow": {"town": {"name": "plaza", "blocks": None}, "traffic": {"vehicles": 249}}}}
     (problem,) = wrong(tmp_path, small() | {"deltas": deltas})
@@ -160,6 +161,7 @@ def test_an_equal_problem_of_thousands_of_variants_is_stored_once() -> None:
     assert found.total == 300_000 and found.problems() == [Problem("wrong", help="")]
 
 
+@pytest.mark.slow
 def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     """Regression: comparing all names of a recipe of 400 KB took minutes; at most 50 errors are shown."""
     compared = []

@@ -207,6 +207,7 @@ def test_hostile_input_is_refused_quickly(case: str) -> None:
     assert time.process_time() - started < 10.0
 
 
+@pytest.mark.slow
 def test_long_keys_are_shortened_in_paths() -> None:
     """A report repeats the path of a value for each value below it."""
     text = f"? {'k' * 100_000}\n: [{'1, ' * 2000}]\n" + HEAD + CAMERA
@@ -221,6 +222,7 @@ def test_references_to_an_odd_index_are_text(index: str) -> None:
     assert any(row.key == "q" and row.outcome is Outcome.IGNORED for row in one.report.rows)
 
 
+@pytest.mark.slow
 def test_shared_files_count_with_each_configuration() -> None:
     shared = File("shared.yaml", f"a: [{'1, ' * 6000}]\n".encode())
     files = [File(f"c{number}.yaml", (HEAD + CAMERA).encode()) for number in range(20)]

@@ -91,6 +91,7 @@ def test_files_of_oscar_are_classified_by_content(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_two_configurations_are_two_recipes() -> None:
     first, second = import_files(CONFIGS / "tracking.yaml", CONFIGS / "two_rigs.yaml")
     assert (first.name, second.name) == ("tracking", "two_rigs")

@@ -15,16 +15,19 @@ JSON: st.SearchStrategy[JsonValue] = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.text(max_size=4), JSON, max_size=4))
 def test_key_order_does_not_matter(value: dict[str, object]) -> None:
     assert canonical_bytes(value) == canonical_bytes(dict(reversed(value.items())))
 
 
+@pytest.mark.slow
 @given(JSON, JSON)
 def test_different_values_have_different_digests(one: JsonValue, other: JsonValue) -> None:
     assert (digest("d", one) == digest("d", other)) == (canonical_bytes(one) == canonical_bytes(other))
 
 
+@pytest.mark.slow
 @given(JSON)
 def test_formatted_text_has_the_same_value(value: JsonValue) -> None:
     import json
@@ -41,12 +44,14 @@ def test_a_value_without_a_canonical_form_is_refused(bad: JsonValue) -> None:
 FLOATS = st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(st.recursive(JSON | FLOATS, st.lists, max_leaves=12))
 def test_the_fast_encoder_follows_rfc_8785(value: JsonValue) -> None:
     assert canonical_bytes(value) == rfc8785.dumps(value)  # type: ignore[arg-type]  # a recursive type
 
 
+@pytest.mark.slow
 @given(st.lists(FLOATS | st.floats(-1e17, 1e17).map(lambda x: x + 0.0), min_size=1, max_size=20))
 @example([1e16, 1e15, 9999999999999998.0, 1e-4, 9.999999999999999e-05, 123456789.0, 0.1, 0.0])
 def test_numbers_of_any_size_follow_rfc_8785(values: list[float]) -> None:

@@ -46,6 +46,7 @@ def test_the_main_street_is_where_recipes_expect_it() -> None:
     assert TOWN.ground(500, 500) == 0.0
 
 
+@pytest.mark.slow
 def test_wall_0_closes_the_gap_opposite_the_street_camera() -> None:
     for seed in range(5):
         wall = next(e for e in towns.build("downtown", seed, {}).plan.elements if e.name == "wall.0")

@@ -78,6 +78,7 @@ def test_post_processing_can_be_turned_off_as_a_whole() -> None:
     assert (off.exposure_compensation, off.gamma, off.supersample) == (1.0, 2.0, 2)
 
 
+@pytest.mark.slow
 def test_samples_cost_time() -> None:
     def minutes(**camera: Any) -> float:
         recipe = copy.deepcopy(small(clock={"fps": 10, "frames": 500}))

@@ -129,6 +129,7 @@ def test_a_straight_route_of_a_vehicle_through_a_building_causes_a_warning() -> 
     assert driven({**car, "goal": {"x": 61.5, "y": 1}}, frames=2) == []  # the clip ends earlier
 
 
+@pytest.mark.slow
 def test_the_width_of_a_vehicle_counts() -> None:
     """A bus touches a board beside its straight route, a bicycle passes."""
     board = {"size": {"width": 0.4, "height": 1.5}, "at": {"x": 1.1, "y": 0, "yaw": 0}}

@@ -40,6 +40,7 @@ def ground_plan(actor: ActorPlan) -> GroundPlan:
     return GroundPlan(actor.start, actor.shape["length"], actor.shape["width"])
 
 
+@pytest.mark.slow
 def test_no_actor_starts_inside_another() -> None:
     recipe = small(town="downtown", traffic={"vehicles": 30, "pedestrians": 60})
     for index in range(20):
@@ -108,6 +109,7 @@ def traffic_of(**traffic: Any) -> list[ActorPlan]:
     return [actor for actor in only(recipe).scene.actors if actor.name.startswith("traffic.")]
 
 
+@pytest.mark.slow
 def test_an_additional_actor_of_the_traffic_changes_no_other() -> None:
     few, more = traffic_of(vehicles=8, pedestrians=8), traffic_of(vehicles=9, pedestrians=9, parked=2)
     by_name = {actor.name: actor for actor in more}
@@ -138,6 +140,7 @@ def test_traffic_can_have_its_own_seed() -> None:
     assert of[0] == of[1] != traffic_of(vehicles=4)
 
 
+@pytest.mark.slow
 def test_traffic_near_a_sensor_is_nearer_to_it_at_frame_0() -> None:
     def distance(near: dict[str, str]) -> float:
         starts = [a.start for a in traffic_of(vehicles=12, pedestrians=12, **near)]
@@ -162,6 +165,7 @@ def test_an_actor_with_a_start_is_held_through_the_warm_up() -> None:
     assert only(small(traffic={"parked": 1})).scene.clock.warmup == 0.0
 
 
+@pytest.mark.slow
 def test_a_longer_clip_extends_the_routes_of_the_shorter_one() -> None:
     short, long = (only(small(clock={"fps": 10, "frames": frames})).scene for frames in (10, 2000))
     for one, other in zip(short.actors, long.actors, strict=True):

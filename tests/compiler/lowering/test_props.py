@@ -45,6 +45,7 @@ def only_prop(plans: Compiled) -> PropPlan:
     return prop
 
 
+@pytest.mark.slow
 def test_images_and_looks_are_appearance_and_meshes_are_scene(tmp_path: Path) -> None:
     board = {"size": {"width": 2, "height": 1}, "at": AT, "image": "poster"}
     deltas = {
@@ -99,6 +100,7 @@ def test_a_changed_byte_is_another_scene(tmp_path: Path) -> None:
     assert compiled(tmp_path, props, **other).plan.variants[0].scene.digest != before
 
 
+@pytest.mark.slow
 def test_a_prop_stands_on_the_ground_unless_its_height_is_given(tmp_path: Path) -> None:
     low = stl(TETRAHEDRON - [0, 0, 0.25])
     (tmp_path / "low.stl").write_bytes(low)

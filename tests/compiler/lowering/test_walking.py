@@ -58,6 +58,7 @@ def box(x: float, y: float, degrees: float, depth: float, width: float) -> Obsta
 boxes = st.builds(box, st.floats(-8, 8), st.floats(-8, 8), st.floats(0, 360), st.floats(0.05, 3), st.floats(0.05, 3))
 
 
+@pytest.mark.slow
 @given(obstacles=st.lists(boxes, max_size=12), start=st.tuples(st.floats(-12, 12), st.floats(-12, 12)))
 @settings(max_examples=60, deadline=None)
 def test_a_route_keeps_its_distance_from_all_obstacles(obstacles: list[Obstacle], start: tuple[float, float]) -> None:
@@ -172,6 +173,7 @@ def test_a_straight_route_stays_straight() -> None:
     assert way(plan) == [(-4.0, 5.0), (-4.0, -5.0)]
 
 
+@pytest.mark.slow
 def test_routes_lead_around_a_board_and_a_standing_van() -> None:
     prop = {"board": {"size": {"width": 2, "height": 2}, "at": {"x": -5, "y": 0, "yaw": 90}}}
     plan = named(scene(actors={"hero": walker(-5, 5, goal={"x": -5, "y": -5})}, props=prop))["hero"]
@@ -231,6 +233,7 @@ def _suggested(message: str) -> tuple[float, float]:
     return x, y
 
 
+@pytest.mark.slow
 def test_a_goal_that_cannot_be_reached_is_refused() -> None:
     message = refused(actors={"lost": walker(36, 0, goal={"x": -4, "y": 0})})
     assert "actors.lost.goal: it cannot be reached from x: 36, y: 0; the nearest free point is x: " in message
@@ -263,6 +266,7 @@ def test_pedestrians_of_the_traffic_walk_around_furniture(name: str) -> None:
                 assert not obstacles.across((ax, ay, bx, by), CLEARANCE - 0.01)
 
 
+@pytest.mark.slow
 def test_pedestrians_of_the_traffic_pause_run_and_walk_in_pairs() -> None:
     actors = [
         a
@@ -289,6 +293,7 @@ def test_pedestrians_of_the_traffic_pause_run_and_walk_in_pairs() -> None:
         assert all(pause.waypoint < len(actor.route) for pause in actor.pauses)
 
 
+@pytest.mark.slow
 def test_additional_pedestrians_change_no_other_and_a_longer_clip_extends_routes() -> None:
     few, many = crowd(count=40), crowd(count=60)
     assert many.actors[:40] == few.actors

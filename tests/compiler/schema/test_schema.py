@@ -39,6 +39,7 @@ def parts(path: Path) -> Any:
     return value.plain
 
 
+@pytest.mark.slow
 def test_the_schema_is_a_valid_json_schema() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     assert json.loads(json.dumps(SCHEMA)) == SCHEMA
@@ -100,6 +101,7 @@ def test_every_key_has_a_description() -> None:
             assert field.description, f"{model.__name__}.{name}"
 
 
+@pytest.mark.slow
 def test_the_template_compiles_without_a_warning() -> None:
     assert compiler.compile_recipe(TEMPLATE).warnings == ()
 

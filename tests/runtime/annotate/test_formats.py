@@ -74,6 +74,7 @@ def test_ids_do_not_change_when_a_dataset_is_extended(dataset: Path, tmp_path: P
             assert all(after[n].get("actor") == row.get("actor") for n, row in before.items())
 
 
+@pytest.mark.slow
 def test_equal_ids_are_refused(monkeypatch: pytest.MonkeyPatch, dataset: Path, tmp_path: Path) -> None:
     monkeypatch.setattr(ids, "ID_LIMIT", 40)
     with pytest.raises(InputError, match=r"have the id .* which is a digest of their names"):
@@ -205,6 +206,7 @@ print(json.dumps(found))
     )
 
 
+@pytest.mark.slow
 def test_a_perfect_detector_has_an_average_precision_of_1(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """COCOeval reads boxes, masks and IDs above 2^32, which it stores as float64."""
     truth = COCO(dataset / "annotations/coco/rgb.json")

@@ -74,6 +74,7 @@ def test_a_texture_gives_the_frames_of_a_recipe_with_it(folder: Path, mode: str)
         np.testing.assert_array_equal(one, both)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("patch", "name"), [("poster", "c"), ("hood", "d"), ("hood", "b")])
 def test_the_map_of_a_digital_patch_has_the_builds_values(folder: Path, patch: str, name: str) -> None:
     digital, texture = scene(folder, "first", "digital"), TEXTURES[name]
@@ -89,6 +90,7 @@ def test_the_map_of_a_digital_patch_has_the_builds_values(folder: Path, patch: s
         )
 
 
+@pytest.mark.slow
 def test_the_gradient_of_a_digital_patch_is_its_transpose(folder: Path) -> None:
     """The map is linear, so differences are exact; texels beyond 0 and 1 have no gradient."""
     texture, draw = TEXTURES["b"] / 255.0, np.random.default_rng(1)
@@ -106,6 +108,7 @@ def test_the_gradient_of_a_digital_patch_is_its_transpose(folder: Path) -> None:
     np.testing.assert_array_equal(view.render(inside), view.render(eighths))
 
 
+@pytest.mark.slow
 def test_a_rendered_patch_beside_an_inserted_one_has_no_gradient(folder: Path) -> None:
     with pytest.raises(InputError, match="poster: there is no gradient in a picture into which the texture of hood is"):
         scene(folder, "first", "mixed").patch_view(0, "poster")

@@ -65,6 +65,7 @@ def test_the_map_has_the_renderers_bytes(lens: str, weather: str) -> None:
         assert np.abs(view.forward(texture) * 255 - expected).max() < 1.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", LENSES)
 def test_finite_differences_agree(lens: str) -> None:
     view, draw = view_of(lens, "rainy"), np.random.default_rng(1)
@@ -76,6 +77,7 @@ def test_finite_differences_agree(lens: str) -> None:
         assert (view.backward(x, y) * way).sum() == pytest.approx(measured, rel=1e-4, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", LENSES)
 def test_finite_differences_of_the_renderer_agree(lens: str) -> None:
     """Steps of entire levels in half of the texture and one channel agree with the mean change of the bytes."""
@@ -90,6 +92,7 @@ def test_finite_differences_of_the_renderer_agree(lens: str) -> None:
         assert 2.0 * slope == pytest.approx(measured, rel=0.03) and slope > 300.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", ["supersampled", "all"])
 def test_a_texel_that_no_pixel_shows_has_no_gradient(lens: str) -> None:
     """A sticker hides a corner of the poster, whose gradient is 0 and whose changes have no effect."""
@@ -105,6 +108,7 @@ def test_a_texel_that_no_pixel_shows_has_no_gradient(lens: str) -> None:
     np.testing.assert_array_equal(view.forward(changed), view.forward(OWN))
 
 
+@pytest.mark.slow
 def test_gradients_are_bytes() -> None:
     """Two renderers agree, also if one has rendered other frames before."""
     scene = scene_of(OWN, OTHER)
@@ -113,6 +117,7 @@ def test_gradients_are_bytes() -> None:
     assert len({view.backward(OTHER, y).tobytes() for view in views}) == 1
 
 
+@pytest.mark.slow
 def test_a_frame_that_does_not_show_the_patch_has_no_gradient() -> None:
     scene = scene_of(OWN)
     response = CameraResponse(**LENSES["all"][1])
@@ -124,12 +129,14 @@ def test_a_frame_that_does_not_show_the_patch_has_no_gradient() -> None:
     assert not len(view.pixels) and not view.backward(OTHER, np.ones(view.picture.shape)).any()
 
 
+@pytest.mark.slow
 def test_bloom_and_blur_reach_pixels_that_do_not_show_the_patch() -> None:
     """Without these rows, the gradient would lack the light that the effects spread beyond the patch."""
     plain, blooming, blurred = (len(view_of(lens).pixels) for lens in ("supersampled", "blooming", "blurred"))
     assert blooming > 2 * plain and blurred > plain
 
 
+@pytest.mark.slow
 def test_a_scenario_gives_views_through_its_cameras_lens(tmp_path: Path) -> None:
     """This includes motion blur, for which the view uses the neighbouring frame."""
     (tmp_path / "first.png").write_bytes(png(FIRST))

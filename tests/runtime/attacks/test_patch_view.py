@@ -178,6 +178,7 @@ def test_a_texture_of_the_walls_own_colour_gives_the_walls_bytes(weather: str) -
     np.testing.assert_array_equal(frame_of(scene, plan).render({"poster": wall}), bare)
 
 
+@pytest.mark.slow
 def test_gradients_are_bytes() -> None:
     """Two renderers agree, also if one has rendered other frames before."""
     scene = scene_of(OWN)

@@ -84,6 +84,7 @@ def test_a_patch_view_renders_the_same(scene: Scenario) -> None:
     assert gradient.shape == (16, 16, 3) and (gradient > 0).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("captured", ["rgb", "instance"])
 def test_a_stream_gives_the_pictures_and_the_truth_of_single_frames(
     scene: Scenario, captured: str, monkeypatch: pytest.MonkeyPatch
@@ -160,6 +161,7 @@ def test_a_texture_of_another_size_is_refused_with_the_right_call(scene: Scenari
     assert caught.value.problems[0].help == "make the view with patch_view(frame, 'poster', size=(5, 4))"
 
 
+@pytest.mark.slow
 def test_the_memory_of_cached_frames_is_bounded(scene: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     """A frame of 4096 x 4096 whose pixels all show a patch takes 5 GB."""
     frames = [scene._scenes.patched_frame(scene.plan, scene.plan.rig.sensors[0], frame) for frame in range(3)]

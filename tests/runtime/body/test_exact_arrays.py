@@ -20,6 +20,7 @@ def bits(value: float) -> str:
     return value.hex()
 
 
+@pytest.mark.slow
 @given(st.lists(ANGLES, min_size=1, max_size=40))
 def test_sines_and_cosines(angles: list[float]) -> None:
     sines, cosines = exact_arrays.sin_cos_deg(np.array(angles))
@@ -27,6 +28,7 @@ def test_sines_and_cosines(angles: list[float]) -> None:
         assert [bits(v) for v in (s, c)] == [bits(v) for v in exact.sin_cos_deg(angle)]
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=40))
 def test_arc_tangents(vectors: list[tuple[float, float]]) -> None:
     y, x = np.array(vectors).T

@@ -73,6 +73,7 @@ def test_a_changed_file_is_named_and_nothing_is_published(
     assert tree(made(tmp_path).path) == fresh
 
 
+@pytest.mark.slow
 def test_a_touched_or_copied_file_with_equal_bytes_is_accepted(tmp_path: Path) -> None:
     def touch(root: Path) -> None:
         (root / PICTURE).touch()
@@ -93,6 +94,7 @@ def test_a_change_of_a_reused_file_is_detected(fresh: dict[str, bytes], tmp_path
     assert tree(made(tmp_path).path) == fresh
 
 
+@pytest.mark.slow
 def test_unchanged_files_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[str] = []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tracemalloc
 from pathlib import Path
 
+import pytest
 from recipe_runtime.build.pipeline import build
 
 from tests.runtime import fakes
@@ -12,6 +13,7 @@ from tests.runtime import fakes
 PLAN = fakes.dataset_plan(frames=2, weathers=1)
 
 
+@pytest.mark.slow
 def test_a_large_job_file_is_not_read_in_full(tmp_path: Path) -> None:
     partial = tmp_path / "sets" / ".tiny.partial"
     partial.mkdir(parents=True)

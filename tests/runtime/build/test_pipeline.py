@@ -156,6 +156,7 @@ def test_another_plan_replaces_the_dataset(made: BuildResult, tmp_path: Path) ->
     assert not (tmp_path / ".tiny.partial").exists()
 
 
+@pytest.mark.slow
 def test_a_folder_without_a_dataset_is_refused_and_unchanged(tmp_path: Path) -> None:
     thesis = tmp_path / "tiny" / "thesis.tex"
     thesis.parent.mkdir()
@@ -176,6 +177,7 @@ def test_a_folder_without_a_dataset_is_refused_and_unchanged(tmp_path: Path) -> 
     assert again(tmp_path / "other", workers=0).built
 
 
+@pytest.mark.slow
 def test_a_dataset_with_a_foreign_file_is_not_replaced(tmp_path: Path) -> None:
     notes = again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0).path / "preview" / "notes.txt"
     notes.write_text("kept")
@@ -255,6 +257,7 @@ def test_a_resumed_build_renders_lost_and_damaged_files_again(made: BuildResult,
     assert tree(result.path) == tree(made.path)
 
 
+@pytest.mark.slow
 def test_a_resumed_build_checks_the_digests_of_reused_files(made: BuildResult, tmp_path: Path) -> None:
     """After a power failure, a file can have the right size and wrong bytes."""
     picture = stopped(tmp_path) / "dataset/weather=w0,jitter=still/street/rgb/000000.png"
@@ -264,12 +267,14 @@ def test_a_resumed_build_checks_the_digests_of_reused_files(made: BuildResult, t
     assert tree(result.path) == tree(made.path)
 
 
+@pytest.mark.slow
 def test_work_of_another_version_is_not_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stopped(tmp_path)
     monkeypatch.setattr(build_module, "builder_identity", lambda: "another")
     assert again(tmp_path, workers=0, shard_frames=2).resumed == 0
 
 
+@pytest.mark.slow
 def test_a_changed_record_is_not_used(made: BuildResult, tmp_path: Path) -> None:
     partial = stopped(tmp_path)
     for record in (partial / "shards").iterdir():
@@ -419,6 +424,7 @@ def test_an_interrupt_while_workers_start_is_silent(tmp_path: Path, delay: float
     assert (process.returncode, errors) == (130, b"")
 
 
+@pytest.mark.slow
 def test_after_a_full_disk_the_finished_work_is_resumed(
     made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -446,6 +452,7 @@ def test_a_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
         build(PLAN, tmp_path / "file" / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
 
 
+@pytest.mark.slow
 def test_two_builds_cannot_write_one_folder(tmp_path: Path) -> None:
     partial = tmp_path / ".tiny.partial"
     partial.mkdir()

@@ -96,6 +96,7 @@ def test_a_copy_has_the_assets_of_its_plan(copied: Path) -> None:
     assert all(hashlib.sha256(places[digest].read_bytes()).hexdigest() == digest for digest in COMPILED.places)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["recipe/recipe.yaml", "recipe/common.yaml", "recipe/lockfiles/assets.lock"])
 def test_a_changed_file_of_the_recipe_is_detected(copied: Path, path: str) -> None:
     with (copied / path).open("ab") as file:
@@ -105,6 +106,7 @@ def test_a_changed_file_of_the_recipe_is_detected(copied: Path, path: str) -> No
     assert path in {d.path for d in report.differences}
 
 
+@pytest.mark.slow
 def test_a_recipe_with_another_plan_is_detected_though_the_manifest_lists_it(copied: Path) -> None:
     forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"].replace(b"z: 1.6", b"z: 1.7"))
     (found,) = (d for d in checked(copied).differences if d.stage == "recipe")
@@ -132,11 +134,13 @@ def test_a_recipe_that_differs_only_in_a_comment_passes(copied: Path) -> None:
     assert recipe_differences(datasets.read(copied)) == []
 
 
+@pytest.mark.slow
 def test_an_unused_file_in_the_recipes_folder_is_detected(copied: Path) -> None:
     forge(copied, "recipe/run_me.sh", b"#!/bin/sh\n")
     assert [d.path for d in checked(copied).differences] == ["recipe/run_me.sh"]
 
 
+@pytest.mark.slow
 def test_the_lockfile_of_another_dataset_is_detected(copied: Path) -> None:
     path = copied / "recipe/lockfiles/assets.lock"
     known = lockfile.read(path)
@@ -210,6 +214,7 @@ def test_a_manifest_without_the_recipe_is_detected(copied: Path) -> None:
     assert "recipe/recipe.yaml" in {path for path, _ in damaged_files(datasets.read(copied), quiet)}
 
 
+@pytest.mark.slow
 def test_a_repair_restores_the_recipe_and_no_intact_file(copied: Path, tmp_path: Path) -> None:
     def repair() -> BuildResult:
         sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(copied / "recipe/lockfiles/assets.lock"))
@@ -243,6 +248,7 @@ def test_too_many_bytes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         RecipeFiles("tiny.yaml", {"tiny.yaml": b"01234567890"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [

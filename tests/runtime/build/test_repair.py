@@ -54,6 +54,7 @@ def _inodes(root: Path) -> dict[str, int]:
     return {path: (root / path).stat().st_ino for path in tree(root)}
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_is_detected_and_only_its_frame_is_rendered_again(made: BuildResult, tmp_path: Path) -> None:
     before, inodes, calls = tree(made.path), _inodes(made.path), Calls()
     _flip(made.path / STREET / "rgb/000003.png")
@@ -68,6 +69,7 @@ def test_a_flipped_bit_is_detected_and_only_its_frame_is_rendered_again(made: Bu
     assert len(kept) == sum("/rgb/" in path for path in before) - 2
 
 
+@pytest.mark.slow
 def test_a_shared_label_file_is_repaired_in_every_variant(made: BuildResult, tmp_path: Path) -> None:
     """The variants share one file by hard links; one of them may also be a separate, damaged copy."""
     before = tree(made.path)
@@ -85,6 +87,7 @@ def test_a_shared_label_file_is_repaired_in_every_variant(made: BuildResult, tmp
     assert alone.stat().st_nlink == shared.stat().st_nlink > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["plan", "scene"])
 def test_a_dataset_whose_manifest_has_another_plan_of_a_variant_is_built_again(
     made: BuildResult, tmp_path: Path, key: str
@@ -99,6 +102,7 @@ def test_a_dataset_whose_manifest_has_another_plan_of_a_variant_is_built_again(
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
     [
@@ -122,6 +126,7 @@ def test_every_other_kind_of_file_is_repaired(made: BuildResult, tmp_path: Path,
     assert tree(made.path) == before
 
 
+@pytest.mark.slow
 def test_links_and_pipes_in_place_of_a_file_are_replaced(made: BuildResult, tmp_path: Path) -> None:
     before, outside = tree(made.path), tmp_path / "outside.png"
     outside.write_bytes(before[f"{STREET}/rgb/000001.png"])
@@ -139,6 +144,7 @@ def test_an_intact_dataset_is_unchanged(made: BuildResult, tmp_path: Path) -> No
     assert (result.built, result.repaired, calls, _inodes(made.path)) == (False, (), [], inodes)
 
 
+@pytest.mark.slow
 def test_a_damaged_trace_in_the_cache_is_not_used(made: BuildResult, tmp_path: Path) -> None:
     before = tree(made.path)
     for path in (tmp_path / "cache" / "traces").rglob("*"):
@@ -149,6 +155,7 @@ def test_a_damaged_trace_in_the_cache_is_not_used(made: BuildResult, tmp_path: P
     assert tree(made.path) == before
 
 
+@pytest.mark.slow
 def test_a_host_that_renders_other_bytes_cannot_repair(made: BuildResult, tmp_path: Path) -> None:
     """Otherwise the dataset would keep its identity and contain frames of two renderers."""
     manifest = json.loads((made.path / layout.MANIFEST).read_text())

@@ -71,6 +71,7 @@ def built(tmp_path: Path) -> Path:
     return build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
 
 
+@pytest.mark.slow
 def test_a_lock_after_a_build_renders_nothing(fresh: Lockfile, built: Path, tmp_path: Path) -> None:
     seen: list[float] = []
     made, known = relock(tmp_path / "cache", counting(seen))
@@ -78,6 +79,7 @@ def test_a_lock_after_a_build_renders_nothing(fresh: Lockfile, built: Path, tmp_
     assert (seen, known.taken_frames, known.resumed_frames) == ([], FRAMES, 0)
 
 
+@pytest.mark.slow
 def test_frames_without_a_valid_dataset_file_are_rendered(fresh: Lockfile, built: Path, tmp_path: Path) -> None:
     picture = built / PICTURE
     picture.write_bytes(bytes(picture.stat().st_size))
@@ -111,6 +113,7 @@ def test_only_a_dataset_built_on_this_host_is_reused(
     assert made == fresh
 
 
+@pytest.mark.slow
 def test_a_dataset_with_another_motion_is_not_reused(built: Path, tmp_path: Path) -> None:
     def other(scene: ScenePlan) -> Trace:
         trace = simulate(scene)
@@ -141,6 +144,7 @@ def test_a_failed_lock_is_resumed_and_removes_its_journal(fresh: Lockfile, tmp_p
     assert not list(tmp_path.glob("shards/??/*"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["edited", "cut off", "other code", "other plan"])
 def test_a_journal_of_another_run_is_not_used(
     fresh: Lockfile, tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
@@ -250,6 +254,7 @@ def _other_code(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verify, "builder_identity", lambda: "another")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [_other_device, _other_host, _other_code])
 def test_a_verification_resumes_only_work_of_this_host_code_and_device(
     fresh: Lockfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[pytest.MonkeyPatch], None]

@@ -121,6 +121,7 @@ def test_a_manifest_with_an_invalid_interval_is_damaged(slow: Path, tmp_path: Pa
         read_manifest(tmp_path)
 
 
+@pytest.mark.slow
 def test_it_passes_verification_and_a_frame_under_another_number_fails(slow: Path) -> None:
     held, options = datasets.read(slow), Options(nonce=1, everything=True, workers=0)
     report = verify(held.plan, held.lock, options, quiet, dataset=held, engines=ENGINES)

@@ -148,6 +148,7 @@ def test_an_entry_with_an_unknown_header_is_not_adopted(tmp_path: Path) -> None:
         create_cache_folder(tmp_path)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(ours=st.sets(st.sampled_from(sorted(OURS))), theirs=st.sets(st.sampled_from(THEIRS)))
 def test_exactly_the_projects_own_files_of_a_marked_cache_are_removed(

@@ -102,6 +102,7 @@ def test_entries_that_a_running_build_has_read_are_not_pruned(tmp_path: Path) ->
     assert entries([tmp_path]) == []
 
 
+@pytest.mark.slow
 def test_a_lease_ends_with_its_process_and_the_oldest_applies(tmp_path: Path) -> None:
     hold = "import sys; from pathlib import Path; from recipe_runtime.cache.leases import lease\n"
     hold += f"with lease(Path({str(tmp_path)!r})): print(flush=True); sys.stdin.read()"

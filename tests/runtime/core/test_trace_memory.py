@@ -80,6 +80,7 @@ def _whole_bytes(trace: Trace) -> bytes:
     return body + hashlib.sha256(body).digest()
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 9), st.lists(st.integers(1, 3), max_size=4), st.integers(1, 4000), st.integers(0, 99))
 def test_chunks_of_any_size_give_the_same_bytes_and_digests(

@@ -62,6 +62,7 @@ def test_other_text_is_not_masked(text: str) -> None:
 _SECRET = st.text("abcXYZ019/+=@:%._~-", min_size=6, max_size=40).filter(lambda t: any(c.isalpha() for c in t))
 
 
+@pytest.mark.slow
 @given(_SECRET, st.sampled_from(["s3", "gs", "abfs"]))
 def test_no_part_of_a_password_is_shown(secret: str, scheme: str) -> None:
     url = f"{scheme}://KEY:{secret}@bucket/name"

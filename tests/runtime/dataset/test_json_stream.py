@@ -40,6 +40,7 @@ def test_chunks_give_the_same_values_as_json(document: dict[str, Any], items: li
     assert json_stream.loads(body, 10_000) == document
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(
     st.binary(max_size=60) | st.text(alphabet='{}[]":,0e-tru\\ u', max_size=60).map(str.encode), st.binary(max_size=3)

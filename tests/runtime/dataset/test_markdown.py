@@ -71,6 +71,7 @@ def test_each_hostile_text_is_plain_text(text: str) -> None:
     assert {token.type for token in inline(tokens)} <= {"text", "softbreak"}
 
 
+@pytest.mark.slow
 @given(TEXTS)
 @example("a | b")
 def test_text_in_a_table_cell_stays_in_the_cell(text: str) -> None:

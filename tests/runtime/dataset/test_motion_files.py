@@ -48,6 +48,7 @@ def leaning(frames: int, roll_rate: float, pitch_rate: float, fps: int) -> Trace
     return replace(trace, rotations=rotations)
 
 
+@pytest.mark.slow
 @given(st.floats(-80, 80), st.floats(-80, 80))
 def test_lean_and_its_rates(roll_rate: float, pitch_rate: float) -> None:
     """The file has the roll, the pitch and their rates, up to 40 degrees in half a second."""

@@ -232,6 +232,7 @@ def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"scene": scene}),)}))
 
 
+@pytest.mark.slow
 def test_routes_and_warm_ups_out_of_bounds_are_refused() -> None:
     variant = PLAN.variants[0]
     ends = tuple(Point(x=1e5 * (-1) ** k, y=0.0) for k in range(100))
@@ -252,6 +253,7 @@ def test_routes_and_warm_ups_out_of_bounds_are_refused() -> None:
             check_bounds(PLAN.model_copy(update={"variants": several}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "old", "new"),
     [
@@ -393,6 +395,7 @@ def test_run_length_codes_of_large_pictures_are_checked_quickly(code: str) -> No
     assert time.process_time() - before < 4.0  # a loop over the characters takes 10 s
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(st.integers(0, 3), min_size=42, max_size=42), st.integers(41, 43), st.data())
 def test_run_length_codes_of_pycocotools_are_accepted(pixels: list[int], size: int, data: st.DataObject) -> None:

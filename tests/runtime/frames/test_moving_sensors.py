@@ -64,6 +64,7 @@ def test_an_actors_origin_is_near_the_ground(source: SceneSource) -> None:
     assert np.abs(heights - 0.15).max() < 0.07  # on a sidewalk
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["arm", "side"])
 def test_the_actor_is_at_the_centre_of_the_picture(walk: ScenarioPlan, source: SceneSource, name: str) -> None:
     (sensor,) = (s for s in walk.rig.sensors if s.name == name)

@@ -46,6 +46,7 @@ class Counting:
         return simulate(scene)
 
 
+@pytest.mark.slow
 @given(frame=st.integers(0, FRAMES - 1), modality=st.sampled_from(["rgb", "depth", "instance", "semantic"]))
 @settings(max_examples=20, deadline=None)
 def test_a_shot_equals_the_frame_of_the_build_and_simulates_no_further(frame: int, modality: str) -> None:

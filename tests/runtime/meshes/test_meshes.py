@@ -195,6 +195,7 @@ def test_smooth_normals_of_a_sphere_point_outwards() -> None:
     assert np.abs(mesh.normals - mesh.vertices).max() < 0.05
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32 - 1),
     crease=st.sampled_from([-1.0, 0.3, 0.9]),
@@ -247,6 +248,7 @@ def _shaded_by_a_loop(points: NDArray[np.float64], crease: float, hole: int) -> 
     return found
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=40), st.booleans())
 def test_equal_vertices_are_found_also_when_hashes_collide(kinds: list[int], collide: bool) -> None:
     rows = np.array([[kind, 1, 2, 3, 4, 5, 6, kind % 2] for kind in kinds], np.float32)
@@ -258,6 +260,7 @@ def test_equal_vertices_are_found_also_when_hashes_collide(kinds: list[int], col
     assert which.tolist() == [order.index(kind) for kind in kinds]
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**40), st.lists(st.integers(0, 2**40), min_size=1))
 def test_the_array_noise_equals_the_scalar_noise(key: int, indices: list[int]) -> None:
     assert noises(key, np.array(indices)).tolist() == [noise(key, index) for index in indices]

@@ -109,6 +109,7 @@ def _plan(tmp_path: Path) -> tuple[Compiled, DatasetPlan]:
     return compiled, plan.model_copy(update={"variants": variants})
 
 
+@pytest.mark.slow
 def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
     known = _engines(Assets(compiled.places))
@@ -122,6 +123,7 @@ def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None
     assert "sha256:" in str(difference) and "is not available; name the recipe" in str(difference)
 
 
+@pytest.mark.slow
 def test_a_dataset_lists_its_assets(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
     build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))

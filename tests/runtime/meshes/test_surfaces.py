@@ -88,6 +88,7 @@ def bodies() -> Iterator[tuple[blueprints.Blueprint, Body]]:
         yield blueprint, actor_body(blueprints.specimen(blueprint)[0])
 
 
+@pytest.mark.slow
 def test_every_painted_triangle_lies_within_an_island() -> None:
     """For all blueprints: no two sides of a part share texels, and only mirrors lie outside the map."""
     for blueprint, body in bodies():

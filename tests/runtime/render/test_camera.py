@@ -69,6 +69,7 @@ def assert_gain(changed: Picture, plain: Picture, gain: ArrayLike) -> None:
     assert abs(float(np.mean(light(changed)[middle] / light(plain)[middle] / wanted)) - 1.0) < 0.004
 
 
+@pytest.mark.slow
 def test_vignette_follows_its_formula(renderer: Renderer) -> None:
     x, y = from_centre()
     none, full = shot(renderer, vignette_intensity=0.0), shot(renderer, vignette_intensity=1.0)
@@ -93,6 +94,7 @@ def test_exposure_compensation_is_in_stops(renderer: Renderer) -> None:
     assert_gain(shot(renderer, exposure_compensation=-1.0), shot(renderer), 0.5)
 
 
+@pytest.mark.slow
 def test_manual_exposure_depends_on_shutter_iso_and_aperture(renderer: Renderer) -> None:
     sunny: dict[str, Setting] = {"exposure_mode": "manual", "shutter_speed": 100.0, "fstop": 16.0}
     base = shot(renderer, **sunny)
@@ -111,6 +113,7 @@ def test_gamma_is_a_power_of_the_encoded_value(renderer: Renderer) -> None:
     assert (bright >= base).all() and (base >= dark).all()
 
 
+@pytest.mark.slow
 def test_white_balance_is_a_gain_of_each_channel(renderer: Renderer) -> None:
     base = shot(renderer)
     for name, value in (("temp", 5200.0), ("temp", 8000.0), ("tint", 0.4), ("tint", -0.4)):
@@ -148,6 +151,7 @@ def test_noise_is_proportional_to_the_root_of_iso(renderer: Renderer) -> None:
     assert abs(float(noisy[patch].mean())) < 0.05 * float(noisy[patch].std())
 
 
+@pytest.mark.slow
 def test_supersampling_reduces_the_error(renderer: Renderer) -> None:
     """Reference: a picture of eight times the width and height without antialiasing, averaged in display light."""
     fine = CAMERA.model_copy(update={"width": 8 * WIDE, "height": 8 * HIGH})

@@ -108,6 +108,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_kernel_is_compiled_again(module: Path, damage: str, caplog: pytest.LogCaptureFixture) -> None:
     """Regression: an empty kernel file caused a traceback in every run; an altered one rendered wrong pixels."""
@@ -150,6 +151,7 @@ def test_a_damaged_kernel_that_cannot_be_removed_is_a_run_error(module: Path, mo
         drawn()
 
 
+@pytest.mark.slow
 def test_an_unwritable_digest_list_is_not_an_error(module: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, body: bytes) -> None:
         raise OSError(28, "No space left on device", str(path))

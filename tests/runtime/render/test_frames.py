@@ -48,6 +48,7 @@ def test_golden_digests() -> None:
     assert golden_digests() == json.loads(GOLDEN.read_text())
 
 
+@pytest.mark.slow
 def test_a_frame_rendered_alone_equals_that_of_a_sequence() -> None:
     running = Renderer(street())
     for weather in ("noon", "rainy", "night"):
@@ -56,6 +57,7 @@ def test_a_frame_rendered_alone_equals_that_of_a_sequence() -> None:
         assert len(set(sequence)) == 4
 
 
+@pytest.mark.slow
 def test_the_order_of_appearances_and_caches_change_no_byte() -> None:
     forward, backward = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     a, b = (r.observe(CAMERA, EYE, parts_at()) for r in (forward, backward))
@@ -116,6 +118,7 @@ def test_a_shadow_that_reaches_grass_in_the_wind_is_rendered() -> None:
         np.testing.assert_array_equal(kept, alone)
 
 
+@pytest.mark.slow
 def test_two_cameras_with_one_pose_have_caches_of_their_own() -> None:
     """Cached pixels belong to a sensor: one with another exposure must not get them."""
     bright = STANDING_WATER["still"].model_copy(
@@ -130,6 +133,7 @@ def test_two_cameras_with_one_pose_have_caches_of_their_own() -> None:
             np.testing.assert_array_equal(both.shade(seen, bright, sensor, frame, 0.0), expected)
 
 
+@pytest.mark.slow
 def test_weathers_of_a_frame_share_caches_without_changing_a_byte() -> None:
     keeping = Renderer(street())
     for frame in (0, 1, 2, 3):
@@ -150,6 +154,7 @@ def test_shading_does_not_change_the_details_of_samples() -> None:
     assert (known < 0.0).any() and (known == 0.0).any()
 
 
+@pytest.mark.slow
 def test_an_older_frame_can_be_shaded_after_a_newer_one() -> None:
     """Both share the arrays of static samples, which hold the state of one frame at a time."""
     renderer, weather = Renderer(street()), WEATHERS["rainy"]

@@ -58,6 +58,7 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
         assert (8.0 if name == "dust" else 18.0) < night < dusk < evening, (name, light)
 
 
+@pytest.mark.slow
 def test_the_number_of_lit_windows_grows_at_dusk() -> None:
     wall = Renderer([Body("wall", 0, (("s", box([20, -20, 0], [21, 20, 20], PANES)),))])
     seen = wall.observe(CameraPlan(width=160, height=80, fov=90), from_pose(Pose(z=10.0)), NOBODY)

@@ -94,6 +94,7 @@ def test_a_distant_chequerboard_has_its_mean_light(metres: float) -> None:
     assert srgb_to_linear(187) < inside.min() and inside.max() < srgb_to_linear(189)
 
 
+@pytest.mark.slow
 def test_an_image_does_not_flicker_when_the_camera_moves() -> None:
     """At 3 to 12 texels per pixel, a movement of 1/20 pixel changes a brick-like image by very little."""
     y, x = np.mgrid[0:512, 0:512]

@@ -147,6 +147,7 @@ def test_by_day_no_map_of_a_lamp_is_drawn(monkeypatch: pytest.MonkeyPatch) -> No
     assert len(drawn) == 1
 
 
+@pytest.mark.slow
 def test_reuse_follows_a_shadow_that_moves_over_a_wall() -> None:
     """The caster moves, and its shadow falls on distant, otherwise unchanged samples: bytes equal a new renderer's."""
     keeping, forgetting = Renderer(room()), Renderer(room(), reuse=NO_REUSE)
@@ -161,6 +162,7 @@ def test_reuse_follows_a_shadow_that_moves_over_a_wall() -> None:
     assert (pictures[1] != pictures[4]).mean() > 0.05
 
 
+@pytest.mark.slow
 def test_the_kept_light_of_a_static_lamp_follows_what_moves() -> None:
     """A moving lamp makes every sample be shaded; the sum for the static lamp is kept: bytes equal fresh frames'."""
     beam = Light((-2.0, 2.0, 1.0), (1.0, 0.0, 0.0), (1.0, 0.9, 0.8), 300.0, 0.5)
@@ -178,6 +180,7 @@ def test_the_kept_light_of_a_static_lamp_follows_what_moves() -> None:
     assert (pictures[1] != pictures[2]).mean() > 0.05
 
 
+@pytest.mark.slow
 def test_a_frame_stream_has_the_renderers_bytes_at_night() -> None:
     """Recorded frames reuse the maps of earlier frames, by night and by day at the same time."""
     looks = [WEATHERS["night"], WEATHERS["noon"]]

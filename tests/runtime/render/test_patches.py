@@ -217,6 +217,7 @@ def test_the_later_patch_lies_over_the_earlier_one() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_static_camera_shows_each_frames_image_of_a_sequence() -> None:
     """Cached data of the previous frame must not affect this one."""
     images = [noise(12, 16, n) for n in range(4)]
@@ -229,6 +230,7 @@ def test_a_static_camera_shows_each_frames_image_of_a_sequence() -> None:
         np.testing.assert_array_equal(scene.show(seen, film, frame), alone.show(alone.see(frame=frame), still, frame))
 
 
+@pytest.mark.slow
 def test_reuse_changes_no_byte_of_a_patch() -> None:
     image = noise(12, 16)
     images = {file_of(image).sha256: image}

@@ -124,6 +124,7 @@ def test_the_street_gets_darker_as_the_sun_sinks_until_lamps_light_it() -> None:
     assert lamp > 20.0 > light[-1].max() / np.median(light[-1])
 
 
+@pytest.mark.slow
 def test_clouds_soften_the_sun_and_hide_the_sky() -> None:
     pole = scene(("pole", box([-1, -1, 0], [1, 1, 4.0], GREY)))
     covers = (0.0, 30.0, 60.0, 100.0)
@@ -151,6 +152,7 @@ def test_rain_lowers_contrast_and_adds_streaks() -> None:
     assert moved[0].max() == 0
 
 
+@pytest.mark.slow
 def test_rain_drops_fall_between_frames() -> None:
     """The streaks of two frames match best when those of the earlier frame are shifted by the distance of the fall."""
     wall, camera = scene(("wall", box([9, -40, -1], [9.2, 40, 30], GREY))), CameraPlan(width=160, height=160, fov=30)
@@ -254,6 +256,7 @@ def test_wetness_makes_the_ground_darker_and_glossier() -> None:
     rises([g / b for g, b in zip(gloss, below, strict=True)], 0.05)
 
 
+@pytest.mark.slow
 def test_scattering_makes_halos_around_the_sun_and_lamps_in_fog() -> None:
     lamp = Light((12.0, 0.0, 4.0), (0.0, 0.0, -1.0), (1.0, 0.8, 0.55), 1400.0, 0.25)
     pole = box([11.9, -0.1, 4.0], [12.1, 0.1, 4.2], GREY, (lamp,))
@@ -282,6 +285,7 @@ def test_mie_scattering_concentrates_light_around_the_sun() -> None:
     falls([far_contrast(plain(mie_scattering_scale=v)) for v in values])
 
 
+@pytest.mark.slow
 def test_rayleigh_scattering_makes_the_zenith_bluer_and_sunsets_redder() -> None:
     renderer = scene()
     values = (0.0, 0.0331, 0.3, 1.0, 2.0)
@@ -323,6 +327,7 @@ def test_every_parameter_has_a_test() -> None:
     assert set(TESTED) == set(PARAMETERS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hours", [(-90.0, -12.0, -6.0, 0.0, 6.0, 15.0, 45.0, 90.0)])
 def test_exposure_depends_on_the_scene_and_not_on_history(hours: tuple[float, ...]) -> None:
     """Frames shaded before do not matter, and at no time of day is the picture black or overexposed."""

@@ -99,6 +99,7 @@ def test_through_traffic_leaves_and_enters_when_there_is_room() -> None:
         assert car.x > -70.0 and abs(car.y) < 0.05
 
 
+@pytest.mark.slow
 @given(
     places=st.lists(st.tuples(st.floats(-200, 200), st.floats(-200, 200)), min_size=1, max_size=12),
     distance=st.floats(0.5, 150),
@@ -120,6 +121,7 @@ def _town_and_ground() -> tuple[list[Element], Ground]:
     return [e for e in town.elements if e.kind == "sidewalk"], Ground(town)
 
 
+@pytest.mark.slow
 @given(x=st.floats(-150, 150), y=st.floats(-150, 150))
 @settings(max_examples=200, deadline=None)
 def test_the_height_of_the_ground_includes_all_sidewalks(x: float, y: float) -> None:

@@ -149,6 +149,7 @@ def test_a_pedestrian_in_a_dead_end_turns_back(depth: float) -> None:
     assert track(trace, "hero")[-1] == pytest.approx((12.0, 0.0), abs=0.2)
 
 
+@pytest.mark.slow
 @given(
     people=st.lists(
         st.tuples(st.floats(-6, 6), st.floats(-6, 6), st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)), max_size=8
@@ -254,6 +255,7 @@ def test_a_pedestrian_waits_for_the_light_at_the_kerb() -> None:
     assert speeds(trace, "hero")[middle].min() > 1.0  # no stop on the road
 
 
+@pytest.mark.slow
 def test_the_walking_planner_knows_all_solid_objects_of_the_engine() -> None:
     """Otherwise, routes would lead through solid objects."""
     bullet = pytest.importorskip("recipe_runtime.simulation.bullet")

@@ -201,6 +201,7 @@ def test_mot_is_read_back(export: Path, recipe: Path) -> None:
             np.testing.assert_array_equal(mine[0, 2:6], record["bbox"])
 
 
+@pytest.mark.slow
 def test_the_example_of_the_page_reads_a_sample(
     export: Path, recipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -257,6 +258,7 @@ def test_equal_datasets_give_equal_exports(dataset: Dataset, export: Path, tmp_p
     assert tree(tmp_path / "again") == tree(export)
 
 
+@pytest.mark.slow
 def test_the_export_has_the_named_patch(dataset: Dataset, export: Path, recipe: Path, tmp_path: Path) -> None:
     """Armory allows one patch per sample; variants without the named patch are skipped."""
     index = export_layout(dataset, tmp_path / "banner", "armory", quiet, patch="banner")

@@ -143,6 +143,7 @@ def test_names_that_some_file_systems_consider_equal_are_refused(files: dict[str
         Pack(next(iter(files)), files).dumps()
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, len(PACK.dumps()) - 1), value=st.integers(0, 255), cut=st.booleans())
 @example(at=29, value=2, cut=False)  # an entry that states more bytes than it has
@@ -158,6 +159,7 @@ def test_any_changed_byte_is_detected(tmp_path: Path, at: int, value: int, cut: 
             read(path)
 
 
+@pytest.mark.slow
 def test_a_large_pack_is_read_without_copies(tmp_path: Path) -> None:
     """Regression: refusing a pack of 500 MiB took 1.57 GB, for its bytes, its files and the pack made of these."""
     size = 64 << 20

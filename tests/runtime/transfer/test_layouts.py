@@ -89,6 +89,7 @@ def test_the_mots_export_equals_the_datasets_mots_annotations(built: Dataset, tm
     ).read_bytes()
 
 
+@pytest.mark.slow
 def test_kitti_masks_are_the_instance_pictures(built: Dataset, tmp_path: Path) -> None:
     export_layout(built, tmp_path / "out", "kitti", quiet)
     rows = [line.split(",") for line in (tmp_path / "out/sequences.csv").read_text().splitlines()[1:]]

@@ -84,6 +84,7 @@ def test_a_picture_with_too_many_bytes_for_its_pixels_is_not_read(built: Dataset
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_shards_contain_the_datasets_files(built: Dataset, tmp_path: Path) -> None:
     held = set()
     for shard in exported(built, tmp_path / "out"):
@@ -119,6 +120,7 @@ def test_a_name_that_leads_out_of_the_folder_is_refused(built: Dataset, tmp_path
     assert victim.read_bytes() == b"precious"
 
 
+@pytest.mark.slow
 def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: Path) -> None:
     met: list[int] = []
 
@@ -318,6 +320,7 @@ def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> Non
     assert [r["sha256"] for r in index["shards"]] == [hashlib.sha256(p.read_bytes()).hexdigest() for p in one]
 
 
+@pytest.mark.slow
 def test_an_existing_export_is_unchanged(built: Dataset, tmp_path: Path) -> None:
     made = exported(built, tmp_path / "out")
     times = [p.stat().st_mtime_ns for p in made]
@@ -330,6 +333,7 @@ def test_an_existing_export_is_unchanged(built: Dataset, tmp_path: Path) -> None
         exported(built, tmp_path / "mine")
 
 
+@pytest.mark.slow
 def test_an_empty_folder_is_accepted_and_one_inside_a_dataset_is_refused(built: Dataset, tmp_path: Path) -> None:
     """Files inside a dataset that its manifest does not list would fail its verification."""
     (tmp_path / "empty").mkdir()

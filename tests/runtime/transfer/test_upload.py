@@ -51,6 +51,7 @@ def remote_files(url: str) -> dict[str, bytes]:
     return {name[len(prefix) + 1 :]: fs.cat_file(name) for name in fs.find(prefix)}
 
 
+@pytest.mark.slow
 def test_all_files_are_uploaded_once(url: str, built: Path) -> None:
     first = put(url, built)
     assert remote_files(url) == local(built)
@@ -60,6 +61,7 @@ def test_all_files_are_uploaded_once(url: str, built: Path) -> None:
     assert put(url, built) == Copied(0, 0, len(local(built)) - 1)
 
 
+@pytest.mark.slow
 def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path, tmp_path: Path) -> None:
     put(url, built)
     before = remote_files(url)
@@ -135,6 +137,7 @@ def test_an_upload_by_another_host_invalidates_the_journal_of_a_stopped_one(
     assert remote_files(url) == local(built)
 
 
+@pytest.mark.slow
 def test_an_upload_to_a_local_dataset_does_not_write_through_hard_links(built: Path, tmp_path: Path) -> None:
     target = tmp_path / "remote" / "small"
     plan = dataset_plan()

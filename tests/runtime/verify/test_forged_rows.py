@@ -130,6 +130,7 @@ def test_forged_checkpoints_of_a_body_fail(locked: Lockfile) -> None:
         assert (report.verdict, report.stage) == ("FAIL", "trace")
 
 
+@pytest.mark.slow
 def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile, copy: Path) -> None:
     path = "recipe/lockfiles/tiny.lock"
     (copy / path).parent.mkdir(parents=True)
@@ -187,6 +188,7 @@ def test_a_forged_plan_digest_of_a_variant_fails(copy: Path) -> None:
         assert "manifest.json: the plan digest of v=1" in report.differences[0].message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tools", "message"),
     [

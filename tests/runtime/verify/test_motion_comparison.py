@@ -206,6 +206,7 @@ def check_folder(root: Path, engines: Engines = MOVED) -> Report:
     )
 
 
+@pytest.mark.slow
 def test_a_dataset_of_other_motion_is_inconclusive(built: Path) -> None:
     report = check_folder(built)
     assert report.verdict == "INCONCLUSIVE"
@@ -234,6 +235,7 @@ def test_a_dataset_is_excused_by_its_tracks(tmp_path: Path, tracks: str) -> None
         assert {d.frame for d in report.differences if d.excuse is None and d.frame is not None} == {3}
 
 
+@pytest.mark.slow
 def test_a_datasets_pictures_must_have_its_digests(built: Path, tmp_path: Path) -> None:
     """The manifest has the SHA-256 of a forged file, but another digest of its pixels."""
     root = tmp_path / "tiny"
@@ -264,6 +266,7 @@ def test_rows_of_bodies_are_compared_where_the_trace_agrees(locked: Lockfile, fo
     assert (report.verdict, report.stage) == ("FAIL", "trace" if forge == "digest" else "lockfile")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forge", [{"sealed": False}, {"recipe": "imagenet"}])
 def test_a_forged_identity_of_a_dataset_fails_against_a_recipe(locked: Lockfile, built: Path, forge: Any) -> None:
     honest = datasets.read(built)

@@ -9,6 +9,7 @@ from recipe_runtime.verify.sampling import Bound, draw, draw_scenes, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
 
 
+@pytest.mark.slow
 @given(st.integers(1, 400), st.data())
 def test_the_sample_is_a_repeatable_choice_without_replacement(total: int, data: st.DataObject) -> None:
     count, nonce = data.draw(st.integers(1, total)), data.draw(st.integers(0, 2**53 - 1))
@@ -42,6 +43,7 @@ def test_a_small_dataset_is_compared_in_full() -> None:
     assert str(Bound(20, 20, 0.95)) == "all 20 frames checked"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", [range(4), range(76, 80), (1, 21, 41, 61)])
 def test_the_sample_misses_differences_as_rarely_as_stated(bad: Sequence[int]) -> None:
     """If any 5 % of 80 frames differ, a sample of 59 misses all of them in far less than 5 % of runs."""

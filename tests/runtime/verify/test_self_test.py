@@ -63,10 +63,12 @@ CHANGES: dict[str, Callable[[Lockfile], dict[str, Any]]] = {
 }
 
 
+@pytest.mark.slow
 def test_equal_stages_are_reported(golden: Path) -> None:
     assert set(_states().values()) == {"equal"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", CHANGES)
 def test_the_first_stage_that_differs_is_named(golden: Path, stage: str) -> None:
     held = lockfile.read(golden / "golden.lock")
@@ -79,6 +81,7 @@ def test_the_first_stage_that_differs_is_named(golden: Path, stage: str) -> None
     assert {states[s] for s in order[at + 1 :]} == {"not reached"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "stage"), [("rgb/000001.png", "encoding"), ("kwcoco.json", "annotate")])
 def test_a_differing_file_belongs_to_its_stage(golden: Path, ending: str, stage: str) -> None:
     lines = (golden / "golden.files").read_text().splitlines()
@@ -87,6 +90,7 @@ def test_a_differing_file_belongs_to_its_stage(golden: Path, ending: str, stage:
     assert _states()[stage] == "differs"
 
 
+@pytest.mark.slow
 def test_another_tool_version_is_a_possible_reason(golden: Path) -> None:
     held = lockfile.read(golden / "golden.lock")
     changed = replace(held, **CHANGES["shading"](held), tools={**held.tools, "warp-lang": "0.1"})
@@ -97,6 +101,7 @@ def test_another_tool_version_is_a_possible_reason(golden: Path) -> None:
     assert "warp-lang 0.1" in found.tiers["A"]
 
 
+@pytest.mark.slow
 def test_a_host_that_cannot_run_a_stage_gets_the_reason(golden: Path) -> None:
     def barred(scene: ScenePlan) -> NoReturn:
         raise RunError("there is no PyBullet here")

@@ -288,6 +288,7 @@ def test_an_invalid_c_library_version_excuses_no_motion(locked: Lockfile, tools:
     assert any(d.stage == "trace" and d.excuse is None for d in moved.differences)
 
 
+@pytest.mark.slow
 def test_forged_labels_are_not_excused_by_a_tool(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
@@ -309,11 +310,13 @@ def test_another_tool_version_excuses_only_its_stage(locked: Lockfile) -> None:
     assert check(elsewhere, engines=engines).verdict == "FAIL"
 
 
+@pytest.mark.slow
 def test_a_dataset_passes_without_its_recipe(built: Path) -> None:
     report = check_folder(built)
     assert (report.verdict, report.differences) == ("PASS", [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modality", ["rgb", "depth", "instance", "semantic"])
 def test_a_flipped_bit_in_a_picture_is_detected_and_drawn(built: Path, tmp_path: Path, modality: str) -> None:
     root = tmp_path / "tiny"
@@ -339,6 +342,7 @@ def test_a_flipped_bit_in_a_picture_is_detected_and_drawn(built: Path, tmp_path:
     assert red.tolist() == [[5, 7]]
 
 
+@pytest.mark.slow
 def test_any_damaged_missing_or_added_file_is_detected(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
@@ -352,6 +356,7 @@ def test_any_damaged_missing_or_added_file_is_detected(built: Path, tmp_path: Pa
     assert "file: extra.txt is not in the manifest" in messages
 
 
+@pytest.mark.slow
 def test_equal_pixels_in_other_bytes_are_a_difference_of_encoding(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
@@ -363,6 +368,7 @@ def test_equal_pixels_in_other_bytes_are_a_difference_of_encoding(built: Path, t
     assert stages == {"encoding", "file"}
 
 
+@pytest.mark.slow
 def test_a_manifest_with_inconsistent_digests_is_reported(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
@@ -385,6 +391,7 @@ def _reseal(root: Path, path: str) -> None:
     (root / "manifest.json").write_text(pretty(manifest))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
     [
@@ -413,6 +420,7 @@ def test_a_forged_text_is_detected_though_the_manifest_agrees(built: Path, tmp_p
         assert report.verdict == "FAIL"
 
 
+@pytest.mark.slow
 def test_a_removed_picture_is_detected_though_the_manifest_agrees(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
@@ -438,6 +446,7 @@ def test_a_text_of_another_release_is_inconclusive(built: Path, tmp_path: Path) 
     assert "made with dataset-recipe 0.0.9" in str(report.differences[0])
 
 
+@pytest.mark.slow
 def test_a_dataset_can_be_compared_with_another_lockfile(locked: Lockfile, built: Path) -> None:
     held = datasets.read(built)
     options = Options(nonce=1, count=1, workers=0)

@@ -54,6 +54,7 @@ def test_a_path_is_the_line_through_its_points(corners: list[tuple[float, float,
     assert np.abs(found - polyline(whole, along)).max() < 1e-9 * max(1.0, path.length)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(points, st.floats(0.1, 20), st.booleans())
 def test_rounded_corners_have_constant_speed_and_continuous_direction(

@@ -47,6 +47,7 @@ def test_rotation_is_a_sine_between_its_limits() -> None:
     assert yaws[3] == round(15.0 + 20.0 * exact.sin_deg(27.0), 6)
 
 
+@pytest.mark.slow
 def test_jitter_does_not_accumulate_and_has_zero_mean() -> None:
     shaken = poses("street", sensor(jitter=JITTER), seed=1, fps=30, frames=2000)
     for axis, limit in JITTER.items():

@@ -71,6 +71,7 @@ def test_a_follower_is_at_the_end_of_an_arm_with_or_without_lag() -> None:
     assert (turner.poses[0].x, turner.arm.obstacles) == (-5.0, ())
 
 
+@pytest.mark.slow
 def test_neither_weather_nor_another_sensor_changes_a_sensor() -> None:
     recipe = rig(**SENSORS) | {"deltas": {"weather": {"dry": {}, "wet": {"weather": "HardRainNoon"}}}}
     dry, wet = compiled(recipe).plan.variants

@@ -53,6 +53,7 @@ def test_braking_to_a_lower_speed_limit_is_bounded() -> None:
     assert 0.0 < free_acceleration(0.0, 8.0, BUS) < free_acceleration(0.0, 8.0, CAR)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(-HARDEST_BRAKING, 2.0), min_size=5, max_size=40), st.integers(2, 8), st.floats(1.0, 20.0))
 def test_a_platoon_never_collides(wishes: list[float], count: int, start: float) -> None:

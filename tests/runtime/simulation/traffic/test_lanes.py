@@ -110,6 +110,7 @@ def test_a_bicycle_keeps_right_and_is_overtaken_with_a_safe_distance() -> None:
     assert world["car"].offset == pytest.approx(0.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_no_vehicle_overtakes_into_oncoming_traffic() -> None:
     column = [_west(f"on.{n}", 110.0 + 30.0 * n, speed=9.0) for n in range(10)]
     world = KinematicWorld(street(), [_east("bike", 60.0, "bicycle.a"), _east("car", 40.0, speed=11.0), *column])

@@ -31,6 +31,7 @@ def test_a_prop_in_the_lane_is_passed(yaw: float) -> None:
     world.close()
 
 
+@pytest.mark.slow
 def test_oncoming_traffic_goes_first() -> None:
     hero = actor("hero", "vehicle.sedan.a", Pose(x=30, y=-1.5), (300, -1.5))
     others = [actor(f"other{n}", "vehicle.sedan.a", Pose(x=130 + 14 * n, y=1.5, yaw=180), (-50, 1.5)) for n in range(4)]
@@ -41,6 +42,7 @@ def test_oncoming_traffic_goes_first() -> None:
     world.close()
 
 
+@pytest.mark.slow
 def test_a_prop_on_a_motorway_makes_vehicles_change_lanes() -> None:
     x = lane(0)
     hero = actor("hero", "vehicle.sedan.a", Pose(x=x, y=-200, yaw=90), (x, 400), speed=20.0)
