@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.runner import run_here
-from tests.cli.test_commands import RECIPE, run
+from tests.cli.test_commands import RECIPE
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "parts").mkdir()
     (root / "parts" / "base.yaml").write_text(RECIPE)
     (root / "small.yaml").write_text("recipe: small\nextends: parts/base.yaml\ndescription: '<script>a</script>'\n")
-    built = run("build", "small.yaml", "--workers", "1", cwd=root)
+    built = run_here("build", "small.yaml", cwd=root)
     assert built.returncode == 0, built.stderr
     return root
 
