@@ -16,7 +16,7 @@ from recipe_runtime.cache.journal_key import journal_key, read_key
 
 from tests.runtime.fakes import BROKEN, ENGINES, dataset_plan, tree
 
-PLAN = dataset_plan()
+PLAN = dataset_plan(frames=8)
 
 
 def made(folder: Path, cache: Path) -> BuildResult:

@@ -34,8 +34,8 @@ from recipe_runtime.verify.verify import Options
 
 from tests.runtime.fakes import BROKEN, ENGINES, Renderer, Seen, dataset_plan, simulate, tree
 
-PLAN = dataset_plan()
-FRAMES = 4 * 2 * 12  # variants, sensors, frames of each
+PLAN = dataset_plan(frames=8)
+FRAMES = 4 * 2 * 8  # variants, sensors, frames of each
 STOPPED = 5 * 2  # the broken renderer fails in the second shard of the first view, which two variants share
 PICTURE = "weather=w0,jitter=still/street/rgb/000003.png"
 
@@ -138,7 +138,7 @@ def test_a_failed_lock_is_resumed_and_removes_its_journal(fresh: Lockfile, tmp_p
     seen: list[float] = []
     made, known = relock(tmp_path, counting(seen))
     assert made == fresh and made.dumps() == fresh.dumps()
-    assert (known.resumed_frames, len(seen)) == (STOPPED, 3 * 12 - 5)
+    assert (known.resumed_frames, len(seen)) == (STOPPED, 3 * 8 - 5)
     assert known.kept_frames() == FRAMES  # writing the lockfile may still fail
     known.close()
     assert not list(tmp_path.glob("shards/??/*"))
@@ -156,7 +156,7 @@ def test_a_journal_of_another_run_is_not_used(
         record.write_bytes(record.read_bytes()[:-20])
     elif how == "other code":
         monkeypatch.setattr(known_frames_module, "builder_identity", lambda: "another")
-    plan = dataset_plan(weathers=1) if how == "other plan" else PLAN
+    plan = dataset_plan(frames=8, weathers=1) if how == "other plan" else PLAN
     known = known_frames(plan, tmp_path)
     made = lock(plan, "tiny.yaml", {}, workers=0, progress=quiet, engines=ENGINES, known=known)
     assert known.resumed_frames == 0
@@ -174,7 +174,7 @@ from pathlib import Path
 from recipe_runtime.build.reuse import known_frames
 from recipe_runtime.verify.locking import lock
 from tests.runtime.fakes import SLOW, dataset_plan
-plan = dataset_plan()
+plan = dataset_plan(frames=8)
 known = known_frames(plan, Path({cache!r}))
 lock(plan, "", {{}}, workers=1, progress=lambda *_: None, engines=SLOW, known=known)
 """
@@ -183,7 +183,7 @@ from pathlib import Path
 from recipe_compiler.ir.lockfile import read
 from recipe_runtime.verify.verify import Options, verify
 from tests.runtime.fakes import SLOW, dataset_plan
-verify(dataset_plan(), read(Path({lock!r})), Options(1, everything=True), lambda *_: None, engines=SLOW,
+verify(dataset_plan(frames=8), read(Path({lock!r})), Options(1, everything=True), lambda *_: None, engines=SLOW,
        cache=Path({cache!r}))
 """
 

@@ -14,7 +14,7 @@ from recipe_runtime.dataset.reader import damaged_files, read
 
 from tests.runtime.fakes import BROKEN, ENGINES, dataset_plan, tree
 
-PLAN = dataset_plan()
+PLAN = dataset_plan(frames=8)
 
 
 def victim(folder: Path) -> dict[str, bytes]:
