@@ -13,7 +13,7 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, InputError, Problem
 from recipe_compiler.library.blueprints import names
 from recipe_compiler.schema import messages
-from recipe_compiler.schema.messages import near
+from recipe_compiler.schema.messages import near, nearest
 from recipe_compiler.source.yaml_reader import MAX_BYTES, parse
 
 from tests.compiler.kitchen import small
@@ -161,6 +161,14 @@ def test_an_equal_problem_of_thousands_of_variants_is_stored_once() -> None:
     for number in range(3000):
         found.add([problem] * 100, Variant(f"v{number}", 0, base))
     assert found.total == 300_000 and found.problems() == [Problem("wrong", help="")]
+
+
+def test_names_of_the_same_family_are_listed_first() -> None:
+    """Regression: for `wall.7`, the remedy listed the roads of a town and no wall."""
+    names = [*(f"road.x.{n}" for n in range(20)), "wall.0", "wall.1"]
+    remedy = nearest("wall.7", names)
+    assert remedy.startswith("valid are wall.0, wall.1, road.x.0, ") and remedy.endswith("and 10 more")
+    assert nearest("poster", names).startswith("valid are road.x.0, ")
 
 
 def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch: pytest.MonkeyPatch) -> None:

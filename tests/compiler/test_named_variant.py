@@ -9,6 +9,16 @@ from tests.compiler.kitchen import compiled, small
 
 
 @pytest.mark.parametrize(
+    ("name", "meant"),
+    [("wet", "w=wet,t=noon"), ("w=wet", "w=wet,t=noon"), ("dusk,wet", "w=wet,t=dusk"), ("t=dusk", "w=dry,t=dusk")],
+)
+def test_a_value_of_an_axis_suggests_a_variant_with_it(name: str, meant: str) -> None:
+    axes = {"w": {"dry": {}, "wet": {"weather": {"wetness": 60}}}, "t": {"noon": {}, "dusk": {"time": "19:40"}}}
+    with pytest.raises(InputError, match=f"did you mean '{meant}'"):
+        compiled(small() | {"deltas": axes}).plan.named(name)
+
+
+@pytest.mark.parametrize(
     ("name", "help"),
     [
         ("w=wett", "did you mean 'w=wet'? `recipe plan` lists all"),

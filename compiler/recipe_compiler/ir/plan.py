@@ -11,6 +11,7 @@ yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, Literal
@@ -320,7 +321,7 @@ class DatasetPlan(Plan):
         if name is None:
             return self.variants[0]
         if name not in by_name:
-            near = get_close_matches(name, by_name, 1, 0.6)
+            near = _with_values(name, by_name) or get_close_matches(name, by_name, 1, 0.6)
             hint = f"did you mean {near[0]!r}?" if near else f"the first is {next(iter(by_name))!r}, and"
             raise InputError(
                 f"{self.recipe} has no variant {name!r}",
@@ -340,3 +341,13 @@ class DatasetPlan(Plan):
                 "depth": self.depth,
             },
         )
+
+
+def _with_values(given: str, names: Iterable[str]) -> list[str]:
+    """The first variant that has all the values of axes in a text such as `wet` or `weather=wet,dusk`, if any."""
+    wanted = set(given.split(","))
+    for name in names:
+        parts = name.split(",")
+        if wanted <= {*parts, *(part.partition("=")[2] for part in parts)}:
+            return [name]
+    return []

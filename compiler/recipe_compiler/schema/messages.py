@@ -65,10 +65,16 @@ Words = tuple[Code, str, str | None]
 
 
 def nearest(word: str, options: Iterable[str]) -> str:
-    """Return the remedy for an unknown name: a similar valid name, else the first valid names."""
+    """Return the remedy for an unknown name: a similar valid name, else valid names, those of its family first.
+
+    The family of a dotted name, such as `wall.1`, are the names with the same first part.
+    """
     names = list(options)
     close = near(word, names)
-    return f"did you mean {show(close)}?" if close is not None else listed(names)
+    if close is not None:
+        return f"did you mean {show(close)}?"
+    family, dot, _ = word.partition(".")
+    return listed(sorted(names, key=lambda name: not name.startswith(f"{family}.")) if dot else names)
 
 
 def listed(names: Sequence[str]) -> str:
