@@ -200,6 +200,7 @@ def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch:
         ({"actors": {"a": {"blueprint": "walker.pedestrian.4"}}}, 'did you mean "walker.pedestrian.0004"?'),
         ({"actors": {"a": {"blueprint": "sedan"}}}, 'did you mean "vehicle.sedan.*"?'),
         ({"props": {"p": {"asset": "crate", "at": {"x": 1, "y": 2}}}}, "name a mesh file in `assets`"),
+        ({"town": {"name": "downtown", "blocks": 1}}, "write [1, 1]"),
         ({"clock": {"fps\uff1a 10": None, "frames": 2}}, "replace U+FF1A (fullwidth colon) by `:` and a space"),
     ],
 )

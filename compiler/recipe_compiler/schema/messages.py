@@ -298,7 +298,8 @@ def _wrong_type(kind: str, detail: ErrorDetails, path: Path, model: type[BaseMod
             fields = fields_at(model, _without_markers(detail["loc"])) if wanted == "a map" else ()
             unit = units.unit_of(_description(model, detail["loc"]))
             known = remedies.of_value(str(path[-1]), wanted, value, fields, unit)
-            remedy = "remove the quotes" if unquote else known or _EXAMPLES.get(wanted)
+            usual = f"write keys and values: {listed(list(fields))}" if fields else _EXAMPLES.get(wanted)
+            remedy = "remove the quotes" if unquote else known or usual
             return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", remedy
     message, remedy = split_remedy(f"{where}: {detail['msg']}")
     return Code.CONFLICT if kind in _CONFLICTS else Code.INVALID_VALUE, message, remedy
