@@ -60,7 +60,9 @@ def test_frames_that_armory_cannot_use_are_reported(
     monkeypatch.setattr(layouts, "export_layout", written)
     call = [str(dataset), str(tmp_path / "out"), "--format", "armory"]
     done = CliRunner().invoke(export.command, call, catch_exceptions=False)
-    message = "left_out.csv has 1 row: frames and videos that were left out" if pictures else "so the export has no picture"
+    message = (
+        "left_out.csv has 1 row: frames and videos that were left out" if pictures else "so the export has no picture"
+    )
     assert (done.exit_code, message in " ".join(done.stderr.split())) == (0, True)
     report = json.loads(CliRunner().invoke(export.command, [*call, "--json"], catch_exceptions=False).stdout)
     assert report["left_out"] == 1

@@ -48,7 +48,7 @@ def test_an_unwritable_file_is_an_error_of_one_line(tmp_path: Path) -> None:
         (schema.command, ["-o", "/proc/x.json"]),
         (schema.command, ["-o", str(tmp_path / "full.json")]),
     ):
-        with pytest.raises(RunError, match="cannot be written: .*; (free some space, or )?choose another ") as caught:
+        with pytest.raises(RunError, match=r"cannot be written: .*; (free some space, or )?choose another ") as caught:
             CliRunner().invoke(command, arguments, catch_exceptions=False)
         assert "\n" not in str(caught.value)
 
@@ -88,7 +88,9 @@ def test_a_lockfile_on_a_full_disk_is_an_error_with_the_file_and_a_remedy(
 
     monkeypatch.setattr("recipe_runtime.verify.locking.lock", lambda *_, **__: Full())
     (tmp_path / "r.yaml").write_text(json.dumps(small()))
-    with pytest.raises(RunError, match=r"small\.lock cannot be written: No space left on device; free some space or allow"):
+    with pytest.raises(
+        RunError, match=r"small\.lock cannot be written: No space left on device; free some space or allow"
+    ):
         CliRunner().invoke(lock.command, [str(tmp_path / "r.yaml")], catch_exceptions=False)
 
 

@@ -44,7 +44,12 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         ("base:\n  a: 1\nb: 2\n  c: 3\n", (3, 1), "line 3 ends the map `base` of line 1", "start it with 2 spaces"),
         ("base:\n  a: 1\nb:\n    c: 3\n  d: 1\n", (3, 1), "but line 5 continues it", "start it with 2 spaces"),
         # brackets that are not closed within a line whose indentation is also that of a map further up
-        ("a:\n  b:\n    c: 1\n  d:\n    e: {f: [x, z}\n", (5, 17), "the `[` of line 5 is not closed", "`]` after the last"),
+        (
+            "a:\n  b:\n    c: 1\n  d:\n    e: {f: [x, z}\n",
+            (5, 17),
+            "the `[` of line 5 is not closed",
+            "`]` after the last",
+        ),
         ("a:\n  b:\n    c: 1\n  d:\n    e: ['x' 'z']\n", (5, 13), "a `,` is missing before this", "put `,` between"),
         ("a: {b: #ff0000}\nc: 1\n", (1, 8), "starts a comment, which hides the rest of line 1", '"#ff0000"'),
         ("a:\n  - {b: 1}\n  c: 2\n", (3, 3), "a key of a map is among the items of a list", "every entry"),

@@ -109,7 +109,11 @@ def _report_left_out(folder: Path, files: Iterable[str], as_json: bool) -> int:
     rows = len(table.read_text(encoding="utf-8").splitlines()) - 1
     if not any(file.endswith(".png") for file in files):
         remedy = f"{table} has the reasons"
-        warn(Problem(f"{folder}: Armory can use no frame, so the export has no picture", None, remedy, Code.INVALID_DATASET))
+        warn(
+            Problem(
+                f"{folder}: Armory can use no frame, so the export has no picture", None, remedy, Code.INVALID_DATASET
+            )
+        )
     elif rows and not as_json:
         say(f"note: {table} has {count(rows, 'row')}: frames and videos that were left out, with the reasons", err=True)
     return rows

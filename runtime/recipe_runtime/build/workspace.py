@@ -370,7 +370,10 @@ def check_out(out: Path) -> None:
 
 def _no_manifest(out: Path) -> InputError:
     """Return the error for a folder with files in which no manifest of a dataset can be read."""
-    message, remedy = f"{out} holds files but no {layout.MANIFEST} of a dataset", "move it away, or choose another folder"
+    message, remedy = (
+        f"{out} holds files but no {layout.MANIFEST} of a dataset",
+        "move it away, or choose another folder",
+    )
     if (out / layout.MANIFEST).exists():
         message = f"{out}: its {layout.MANIFEST} is damaged, or another program's"
         if not os.access(out / layout.MANIFEST, os.R_OK):

@@ -149,10 +149,12 @@ def test_a_gradient_of_another_shape_is_refused(scene: Scenario) -> None:
     view = scene.patch_view(0, "poster", size=(9, 7))
     texture, gradient = np.full((9, 7, 3), 0.5), np.random.default_rng(2).random((64, 96, 3))
     for wrong in (gradient.transpose(2, 0, 1), gradient.transpose(1, 0, 2), gradient[..., :1], gradient[:9, :7], 0.0):
-        with pytest.raises(InputError, match=r"but the picture has the shape \(64, 96, 3\); give an array \[height, wi"):
+        with pytest.raises(
+            InputError, match=r"but the picture has the shape \(64, 96, 3\); give an array \[height, wi"
+        ):
             view.backward(texture, wrong)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="gradient of the picture that shows poster is of complex128; give floats"):
-        view.backward(texture, gradient.astype(complex))  # type: ignore[arg-type]
+        view.backward(texture, gradient.astype(complex))
 
 
 def test_a_gradient_may_be_a_tensor() -> None:
