@@ -30,3 +30,9 @@ def test_only_a_similar_name_is_suggested(name: str, help: str) -> None:
     with pytest.raises(InputError) as caught:
         compiled(recipe).plan.named(name)
     assert caught.value.problems[0].help == help
+
+
+@pytest.mark.parametrize("name", [0, {"w": "wet"}])
+def test_a_variant_is_a_name(name: object) -> None:
+    with pytest.raises(TypeError, match="a variant is a name, such as 'base', not "):
+        compiled(small()).plan.named(name)  # type: ignore[arg-type]

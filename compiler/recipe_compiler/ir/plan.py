@@ -316,10 +316,13 @@ class DatasetPlan(Plan):
 
         Raises:
             InputError: there is no such variant; the remedy has the nearest name.
+            TypeError: the name is not text.
         """
         by_name = {v.variant: v for v in self.variants}
         if name is None:
             return self.variants[0]
+        if not isinstance(name, str):  # the name may come from a caller of the Python API
+            raise TypeError(f"a variant is a name, such as {next(iter(by_name))!r}, not {name!r}")
         if name not in by_name:
             near = _with_values(name, by_name) or get_close_matches(name, by_name, 1, 0.6)
             hint = f"did you mean {near[0]!r}?" if near else f"the first is {next(iter(by_name))!r}, and"
