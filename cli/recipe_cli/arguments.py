@@ -221,7 +221,9 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another place") from None
+        raise RunError(
+            f"{path} cannot be written: {error.strerror or error}; free some space, or choose another place"
+        ) from None
 
 
 def worker_count(asked: int | None, device: str = "cpu") -> int:

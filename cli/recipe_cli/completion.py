@@ -48,6 +48,15 @@ def recipe_or_town(context: click.Context, parameter: click.Parameter, incomplet
     return [*named, *(item for item in found if item.type != "file" or not named)]
 
 
+def surface_owner(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Recipe files, and the names of towns and blueprints."""
+    from recipe_compiler.library import blueprints, towns
+
+    named = _items((*towns.NAMES, *blueprints.names()), incomplete)
+    found = files(*SUFFIXES)(context, parameter, incomplete)
+    return [*named, *(item for item in found if item.type != "file" or not named)]
+
+
 def variants(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """The variants of the recipe."""
     return _items(_outline(context).variants, incomplete)

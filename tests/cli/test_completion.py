@@ -46,6 +46,8 @@ def completed(*words: str) -> list[str]:
         (("verify", "small.yaml", "--device", "cud"), ["cuda"]),
         (("shot", "gone.yaml", "--variant", ""), []),
         (("shot", "--map", "s"), ["small.yaml", "suburb"]),
+        (("surfaces", "s"), ["small.yaml", "suburb"]),
+        (("surfaces", "vehicle.sedan."), ["vehicle.sedan.a", "vehicle.sedan.b", "vehicle.sedan.taxi"]),
     ],
 )
 def test_values_are_completed(folder: Path, words: tuple[str, ...], values: list[str]) -> None:

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from recipe_cli.commands import export
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.transfer import layouts
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
@@ -43,3 +44,25 @@ def test_a_patch_can_be_chosen_for_armory_only(dataset: Path, tmp_path: Path) ->
     with pytest.raises(InputError, match="has no picture with a patch"):
         CliRunner().invoke(export.command, [*out, "--format", "armory"], catch_exceptions=False)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("pictures", [["a.png"], []])
+def test_frames_that_armory_cannot_use_are_reported(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pictures: list[str]
+) -> None:
+    """Regression: an export of a patch that no frame shows had no picture, and no message."""
+
+    def written(_: object, out: Path, *args: object, **options: object) -> dict[str, object]:
+        out.mkdir(exist_ok=True)
+        (out / "left_out.csv").write_text("layout,variant,sensor,frame,reason\nall,a,street,all,no patch or no rgb\n")
+        return {"dataset": "tiny@sha256:0", "files": {name: [1, "0"] for name in ["left_out.csv", *pictures]}}
+
+    monkeypatch.setattr(layouts, "export_layout", written)
+    call = [str(dataset), str(tmp_path / "out"), "--format", "armory"]
+    done = CliRunner().invoke(export.command, call, catch_exceptions=False)
+    message = (
+        "left_out.csv has 1 row: frames and videos that were left out" if pictures else "so the export has no picture"
+    )
+    assert (done.exit_code, message in " ".join(done.stderr.split())) == (0, True)
+    report = json.loads(CliRunner().invoke(export.command, [*call, "--json"], catch_exceptions=False).stdout)
+    assert report["left_out"] == 1

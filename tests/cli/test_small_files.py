@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import pty
@@ -14,7 +15,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel, model_serializer
-from recipe_cli.commands import build, check, export, init, schema, shot
+from recipe_cli.commands import build, check, export, init, lock, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 
@@ -48,7 +49,7 @@ def test_an_unwritable_file_is_an_error_of_one_line(tmp_path: Path) -> None:
         (schema.command, ["-o", "/proc/x.json"]),
         (schema.command, ["-o", str(tmp_path / "full.json")]),
     ):
-        with pytest.raises(RunError, match="cannot be written: ") as caught:
+        with pytest.raises(RunError, match=r"cannot be written: .*; (free some space, or )?choose another ") as caught:
             CliRunner().invoke(command, arguments, catch_exceptions=False)
         assert "\n" not in str(caught.value)
 
@@ -75,6 +76,23 @@ def test_a_full_disk_does_not_change_an_existing_recipe(tmp_path: Path, there: s
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert [entry.name for entry in tmp_path.iterdir()] == ([] if there is None else ["mine.yaml"])
     assert there is None or path.read_text() == there
+
+
+def test_a_lockfile_on_a_full_disk_is_an_error_with_the_file_and_a_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: the error was `No space left on device`, without a file and a remedy."""
+
+    class Full:
+        def write(self, path: Path, *, replace: bool) -> bool:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("recipe_runtime.verify.locking.lock", lambda *_, **__: Full())
+    (tmp_path / "r.yaml").write_text(json.dumps(small()))
+    with pytest.raises(
+        RunError, match=r"small\.lock cannot be written: No space left on device; free some space or allow"
+    ):
+        CliRunner().invoke(lock.command, [str(tmp_path / "r.yaml")], catch_exceptions=False)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, InputError, Problem
 from recipe_compiler.library.blueprints import names
 from recipe_compiler.schema import messages
-from recipe_compiler.schema.messages import near
+from recipe_compiler.schema.messages import near, nearest
 from recipe_compiler.source.yaml_reader import MAX_BYTES, parse
 
 from tests.compiler.kitchen import small
@@ -43,6 +43,14 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         # a line with too little indentation ends the map above, which the next line continues
         ("base:\n  a: 1\nb: 2\n  c: 3\n", (3, 1), "line 3 ends the map `base` of line 1", "start it with 2 spaces"),
         ("base:\n  a: 1\nb:\n    c: 3\n  d: 1\n", (3, 1), "but line 5 continues it", "start it with 2 spaces"),
+        # brackets that are not closed within a line whose indentation is also that of a map further up
+        (
+            "a:\n  b:\n    c: 1\n  d:\n    e: {f: [x, z}\n",
+            (5, 17),
+            "the `[` of line 5 is not closed",
+            "`]` after the last",
+        ),
+        ("a:\n  b:\n    c: 1\n  d:\n    e: ['x' 'z']\n", (5, 13), "a `,` is missing before this", "put `,` between"),
         ("a: {b: #ff0000}\nc: 1\n", (1, 8), "starts a comment, which hides the rest of line 1", '"#ff0000"'),
         ("a:\n  - {b: 1}\n  c: 2\n", (3, 3), "a key of a map is among the items of a list", "every entry"),
         ("a:\n\tb: 1\n", (2, 1), "a tab cannot indent YAML", "use spaces"),
@@ -161,6 +169,14 @@ def test_an_equal_problem_of_thousands_of_variants_is_stored_once() -> None:
     assert found.total == 300_000 and found.problems() == [Problem("wrong", help="")]
 
 
+def test_names_of_the_same_family_are_listed_first() -> None:
+    """Regression: for `wall.7`, the remedy listed the roads of a town and no wall."""
+    names = [*(f"road.x.{n}" for n in range(20)), "wall.0", "wall.1"]
+    remedy = nearest("wall.7", names)
+    assert remedy.startswith("valid are wall.0, wall.1, road.x.0, ") and remedy.endswith("and 10 more")
+    assert nearest("poster", names).startswith("valid are road.x.0, ")
+
+
 @pytest.mark.slow
 def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     """Regression: comparing all names of a recipe of 400 KB took minutes; at most 50 errors are shown."""
@@ -191,6 +207,7 @@ def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch:
         ({"actors": {"a": {"blueprint": "walker.pedestrian.4"}}}, 'did you mean "walker.pedestrian.0004"?'),
         ({"actors": {"a": {"blueprint": "sedan"}}}, 'did you mean "vehicle.sedan.*"?'),
         ({"props": {"p": {"asset": "crate", "at": {"x": 1, "y": 2}}}}, "name a mesh file in `assets`"),
+        ({"town": {"name": "downtown", "blocks": 1}}, "write [1, 1]"),
         ({"clock": {"fps\uff1a 10": None, "frames": 2}}, "replace U+FF1A (fullwidth colon) by `:` and a space"),
     ],
 )

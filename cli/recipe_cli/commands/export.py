@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -9,7 +10,7 @@ import click
 from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON, LocalPath, output_option, replace_option
-from recipe_cli.console import print_json, say
+from recipe_cli.console import print_json, say, warn
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -81,8 +82,9 @@ def command(
                 read(dataset), folder, cast("Layout", form), progress, patch=patch, replace=replace
             )
         total = sum(cast("int", row[0]) for row in made["files"].values())
+        left_out = {"left_out": _report_left_out(folder, made["files"], as_json)} if form == "armory" else {}
         if as_json:
-            print_json({**made, "files": len(made["files"]), "bytes": total})
+            print_json({**made, "files": len(made["files"]), "bytes": total, **left_out})
             return
         say(f"{folder}: {count(len(made['files']), 'file')}, {size(total)}")
         say(made["dataset"])
@@ -97,3 +99,21 @@ def command(
     samples = sum(shard["samples"] for shard in written)
     say(f"{folder}: {count(samples, 'sample')} in {count(len(written), 'shard')}, {size(total)}")
     say(index["dataset"])
+
+
+def _report_left_out(folder: Path, files: Iterable[str], as_json: bool) -> int:
+    """Report the frames and videos that an export for Armory lacks, and return the number of rows that list them."""
+    from recipe_compiler.ir.errors import Code, Problem
+
+    table = folder / "left_out.csv"
+    rows = len(table.read_text(encoding="utf-8").splitlines()) - 1
+    if not any(file.endswith(".png") for file in files):
+        remedy = f"{table} has the reasons"
+        warn(
+            Problem(
+                f"{folder}: Armory can use no frame, so the export has no picture", None, remedy, Code.INVALID_DATASET
+            )
+        )
+    elif rows and not as_json:
+        say(f"note: {table} has {count(rows, 'row')}: frames and videos that were left out, with the reasons", err=True)
+    return rows

@@ -129,6 +129,7 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     """
     from recipe_compiler.ir import lockfile
     from recipe_runtime.build.reuse import known_frames
+    from recipe_runtime.core.files import host_errors
     from recipe_runtime.verify import trace_bundle
     from recipe_runtime.verify.locking import lock
 
@@ -155,7 +156,8 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     if previous is not None and not previous.equals_but_for_text(made):
         raise _outdated(path, recipe)
     renamed = previous is not None and previous.source != source and not (path.parent / previous.source).exists()
-    written = (previous is None or renamed) and made.write(path, replace=options.replace)
+    with host_errors(str(path), "free some space or allow writing, then lock again"):
+        written = (previous is None or renamed) and made.write(path, replace=options.replace)
     traces = trace_bundle.beside(path)
     if options.with_traces or traces.exists():  # an existing file of traces must not become outdated
         written |= trace_bundle.write(traces, motion, replace=options.replace)

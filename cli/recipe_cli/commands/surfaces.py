@@ -38,7 +38,7 @@ class _Body:
 
 
 @click.command("surfaces")
-@click.argument("where", metavar="TOWN|BLUEPRINT|RECIPE", shell_complete=completion.recipe_or_town)
+@click.argument("where", metavar="TOWN|BLUEPRINT|RECIPE", shell_complete=completion.surface_owner)
 @click.argument("pattern", default="*")
 @VARIANT
 @click.option(

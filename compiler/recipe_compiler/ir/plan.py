@@ -11,6 +11,7 @@ yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, Literal
@@ -315,12 +316,15 @@ class DatasetPlan(Plan):
 
         Raises:
             InputError: there is no such variant; the remedy has the nearest name.
+            TypeError: the name is not text.
         """
         by_name = {v.variant: v for v in self.variants}
         if name is None:
             return self.variants[0]
+        if not isinstance(name, str):  # the name may come from a caller of the Python API
+            raise TypeError(f"a variant is a name, such as {next(iter(by_name))!r}, not {name!r}")
         if name not in by_name:
-            near = get_close_matches(name, by_name, 1, 0.6)
+            near = _with_values(name, by_name) or get_close_matches(name, by_name, 1, 0.6)
             hint = f"did you mean {near[0]!r}?" if near else f"the first is {next(iter(by_name))!r}, and"
             raise InputError(
                 f"{self.recipe} has no variant {name!r}",
@@ -340,3 +344,13 @@ class DatasetPlan(Plan):
                 "depth": self.depth,
             },
         )
+
+
+def _with_values(given: str, names: Iterable[str]) -> list[str]:
+    """The first variant that has all the values of axes in a text such as `wet` or `weather=wet,dusk`, if any."""
+    wanted = set(given.split(","))
+    for name in names:
+        parts = name.split(",")
+        if wanted <= {*parts, *(part.partition("=")[2] for part in parts)}:
+            return [name]
+    return []

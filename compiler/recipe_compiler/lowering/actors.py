@@ -18,7 +18,7 @@ from recipe_compiler.lowering import pedestrian_traffic, placement, traffic
 from recipe_compiler.lowering.placement import Footprint
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.recipe import Base
-from recipe_compiler.schema.scene import Actor
+from recipe_compiler.schema.scene import Actor, Start
 from recipe_compiler.source.yaml_reader import show
 
 MAX_ROUTE = 20_000.0  # length limit of generated routes, metres
@@ -112,7 +112,7 @@ class ActorLowering:
             self._report_no_room(("actors", name), f"actors.{name}: {self._full(blueprint.category)}")
             return None
         if actor.start is not None:
-            start = Pose(x=actor.start.x, y=actor.start.y, yaw=actor.start.yaw or 0.0)
+            start = Pose(x=actor.start.x, y=actor.start.y, yaw=self._direction(actor.start, blueprint.category))
         assert start is not None
         speed = blueprint.default_speed if actor.speed is None else actor.speed
         waypoints = actor.route if actor.route is not None else (actor.goal,) if actor.goal is not None else None
@@ -128,6 +128,12 @@ class ActorLowering:
         plan = self._plan(name, self._instances[name], blueprint, start, route if speed > 0 else (), speed)
         held = actor.start is not None and self._warmup > 0.0
         return plan.model_copy(update={"held": held, "entry": entry})
+
+    def _direction(self, start: Start, category: Category) -> float:
+        """Return the direction in which a random route sets out, degrees: for a vehicle, that of the lane's traffic."""
+        if start.yaw is not None:
+            return start.yaw
+        return self._town.streets.lane_yaw(start.x, start.y) if category == "vehicle" else 0.0
 
     def _traffic(self, category: Category, index: int) -> ActorPlan | None:
         name = f"traffic.{category}.{index}"

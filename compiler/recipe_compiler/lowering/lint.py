@@ -119,9 +119,11 @@ def _first_met(actor: ActorPlan, solid: ObstacleMap, seconds: float) -> tuple[in
 
 
 def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
-    """Yield warnings for cameras that are at any frame below the ground or inside a building, which has no interior.
+    """Yield warnings for cameras in places that are probably mistakes.
 
-    For a camera mounted on an actor, the ground is the height of the actor's origin.
+    These are cameras that are at any frame below the ground or inside a building, which has no interior, or that are at
+    every frame farther from the town than they see. For a camera mounted on an actor, the ground is the height of the
+    actor's origin.
 
     Args:
         base: the recipe's base, for the places of its values.
@@ -129,8 +131,14 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
         town: the town.
     """
     houses = [element for element in town.plan.elements if element.kind in ("building", "house")]
+    (x0, x1), (y0, y1) = town.streets.bounds
     for sensor in rig.sensors:
         poses = [] if sensor.on is not None else sensor.poses
+        far = sensor.camera.far
+        if poses and all(max(x0 - pose.x, pose.x - x1, y0 - pose.y, pose.y - y1) > far for pose in poses):
+            spans = f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
+            message = f"sensors.{sensor.name}: it is more than {far:g} m, its `far`, outside the town's bounds, {spans}"
+            yield Problem(message, base.place_of("sensors", sensor.name, "mount"), "move the mount", Code.PLACEMENT)
         near = _about(houses, poses)
         inside = ((n, house) for n, pose in enumerate(poses) for house in near if _within(house, pose))
         frame, house = next(inside, (0, None))

@@ -65,10 +65,16 @@ Words = tuple[Code, str, str | None]
 
 
 def nearest(word: str, options: Iterable[str]) -> str:
-    """Return the remedy for an unknown name: a similar valid name, else the first valid names."""
+    """Return the remedy for an unknown name: a similar valid name, else valid names, those of its family first.
+
+    The family of a dotted name, such as `wall.1`, are the names with the same first part.
+    """
     names = list(options)
     close = near(word, names)
-    return f"did you mean {show(close)}?" if close is not None else listed(names)
+    if close is not None:
+        return f"did you mean {show(close)}?"
+    family, dot, _ = word.partition(".")
+    return listed(sorted(names, key=lambda name: not name.startswith(f"{family}.")) if dot else names)
 
 
 def listed(names: Sequence[str]) -> str:
@@ -292,7 +298,8 @@ def _wrong_type(kind: str, detail: ErrorDetails, path: Path, model: type[BaseMod
             fields = fields_at(model, _without_markers(detail["loc"])) if wanted == "a map" else ()
             unit = units.unit_of(_description(model, detail["loc"]))
             known = remedies.of_value(str(path[-1]), wanted, value, fields, unit)
-            remedy = "remove the quotes" if unquote else known or _EXAMPLES.get(wanted)
+            usual = f"write keys and values: {listed(list(fields))}" if fields else _EXAMPLES.get(wanted)
+            remedy = "remove the quotes" if unquote else known or usual
             return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", remedy
     message, remedy = split_remedy(f"{where}: {detail['msg']}")
     return Code.CONFLICT if kind in _CONFLICTS else Code.INVALID_VALUE, message, remedy

@@ -47,7 +47,8 @@ def explain(
         or _key_without_colon(problem, opened, lines, place)
         or _unquoted_colour(context, opened, lines, place)
     )
-    wrong = wrong or _wrong_indentation(lines, place, parses)
+    if not ("flow" in context and opened == place.line):  # within the brackets of one line, indentation has no effect
+        wrong = wrong or _wrong_indentation(lines, place, parses)
     if wrong is not None:
         return wrong
     known = _known(problem, context, opened)

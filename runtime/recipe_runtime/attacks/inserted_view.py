@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
-from recipe_runtime.attacks.textures import Texture, Values, as_image, as_values
+from recipe_runtime.attacks.textures import Texture, Values, as_gradient, as_image, as_values
 from recipe_runtime.insertion.inserter import InsertedPixels
 from recipe_runtime.insertion.warp import neighbours
 from recipe_runtime.render.retexture.sparse import EntryCount, RowMatrix, SparseProduct, row_matrix
@@ -53,16 +53,20 @@ class InsertedView:
 
         Args:
             texture: The texture at which the derivative is taken, uint8 or 0 to 1, [h, w, 3].
-            gradient: Gradient with respect to the picture, [H, W, 3].
+            gradient: Gradient with respect to the picture, [H, W, 3]; a tensor is [3, H, W].
 
         Returns:
             The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
+
+        Raises:
+            InputError: The texture or the gradient does not have the expected shape or type.
         """
         as_values(self.patch, texture, self.shape)  # checks it: the derivative is the same at all textures
+        values = as_gradient(self.patch, gradient, self.picture.shape)
         if not self.products:
             return np.zeros(self.shape)
         reduction, warp = self.products
-        back = reduction.backward(warp.backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64)))
+        back = reduction.backward(warp.backward(values.reshape(-1, 3)[self.pixels]))
         return back.reshape(self.shape)
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:

@@ -27,7 +27,15 @@ from recipe_runtime.attacks.lens_light import LensLight
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.pixel_light import PixelLight
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
-from recipe_runtime.attacks.textures import Texture, Values, as_image, as_image_of_size, as_values, check_size
+from recipe_runtime.attacks.textures import (
+    Texture,
+    Values,
+    as_gradient,
+    as_image,
+    as_image_of_size,
+    as_values,
+    check_size,
+)
 from recipe_runtime.core.host import check_memory
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
@@ -102,12 +110,16 @@ class PatchView:
 
         Args:
             texture: The texture at which the derivative is taken, [h, w, 3].
-            gradient: Gradient with respect to the picture, [H, W, 3].
+            gradient: Gradient with respect to the picture, [H, W, 3]; a tensor is [3, H, W].
 
         Returns:
             The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
+
+        Raises:
+            InputError: The texture or the gradient does not have the expected shape or type.
         """
-        return self.linearise(texture).backward(gradient.reshape(-1, 3)[self.pixels].astype(np.float64))
+        values = as_gradient(self.patch, gradient, self.picture.shape)
+        return self.linearise(texture).backward(values.reshape(-1, 3)[self.pixels])
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:
         """Return the rendered picture for a texture, uint8 [H, W, 3], as `Scenario.render` does.

@@ -108,15 +108,7 @@ def as_array(name: str, texture: Any) -> NDArray[Any]:
         InputError: It is of another shape or type, has values that are not finite, or is larger than an image of a
             recipe may be.
     """
-    if hasattr(texture, "detach"):  # a tensor, channels first
-        texture = texture.detach().cpu().numpy()
-        if texture.ndim == 4 and texture.shape[0] == 1:
-            texture = texture[0]
-        texture = np.moveaxis(texture, 0, -1) if texture.ndim == 3 else texture
-    try:
-        values: NDArray[Any] = np.asarray(texture)
-    except ValueError as error:  # lists of unequal lengths
-        raise InputError(f"the texture of {name} is not an array: {error}") from None
+    values = _channels_last(f"the texture of {name}", texture)
     if values.ndim != 3 or values.shape[2] != 3 or not values.size:
         raise InputError(
             f"the texture of {name} has the shape {values.shape}; give an array [height, width, 3], or a tensor"
@@ -151,6 +143,49 @@ def as_values(name: str, texture: Texture, shape: tuple[int, ...]) -> Values:
     _check_shape(name, given.shape, shape)
     values: Values = given.astype(np.float64)
     return values / 255.0 if given.dtype == np.uint8 else values
+
+
+def as_gradient(name: str, gradient: Any, shape: tuple[int, ...]) -> Values:
+    """Return the gradient of a picture that shows a patch, float64 [H, W, 3].
+
+    Values may be infinite or NaN: mixed-precision training detects these in the result.
+
+    Args:
+        name: The patch, for messages.
+        gradient: An array [H, W, 3], or a tensor [3, H, W] or [1, 3, H, W].
+        shape: Of the picture, [H, W, 3].
+
+    Raises:
+        InputError: It is not numeric, or does not have the shape of the picture.
+    """
+    what = f"the gradient of the picture that shows {name}"
+    values = _channels_last(what, gradient)
+    if values.shape != shape:
+        raise InputError(
+            f"{what} has the shape {values.shape}, but the picture has the shape {shape}; give an array [height, width,"
+            " 3], or a tensor [3, height, width]"
+        )
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{what} is of {values.dtype}; give floats")
+    return values.astype(np.float64, copy=False)
+
+
+def _channels_last(what: str, given: Any) -> NDArray[Any]:
+    """Return an array as it is, and a tensor [3, h, w] or [1, 3, h, w] as an array [h, w, 3]; `what` is for messages.
+
+    Raises:
+        InputError: It is not an array.
+    """
+    if hasattr(given, "detach"):  # a tensor, channels first
+        given = given.detach().cpu().numpy()
+        if given.ndim == 4 and given.shape[0] == 1:
+            given = given[0]
+        given = np.moveaxis(given, 0, -1) if given.ndim == 3 else given
+    try:
+        values: NDArray[Any] = np.asarray(given)
+    except ValueError as error:  # lists of unequal lengths
+        raise InputError(f"{what} is not an array: {error}") from None
+    return values
 
 
 def _check_shape(name: str, given: tuple[int, ...], wanted: tuple[int, ...]) -> None:

@@ -355,14 +355,7 @@ def check_out(out: Path) -> None:
         return
     manifest = read_manifest(out)
     if manifest is None:
-        unreadable = (out / layout.MANIFEST).exists() and not os.access(out / layout.MANIFEST, os.R_OK)
-        raise InputError(
-            f"{out}: its {layout.MANIFEST} cannot be read: permission denied"
-            if unreadable
-            else f"{out} holds files but no {layout.MANIFEST} of a dataset",
-            help="allow this user to read it" if unreadable else "move it away, or choose another folder",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
+        raise _no_manifest(out)
     try:
         known = {layout.MANIFEST, *listed_files(manifest)}
     except ValueError:
@@ -373,6 +366,20 @@ def check_out(out: Path) -> None:
         raise InputError(
             f"{out} holds a file that is not the dataset's, {foreign[0]}; move it away before it is replaced"
         )
+
+
+def _no_manifest(out: Path) -> InputError:
+    """Return the error for a folder with files in which no manifest of a dataset can be read."""
+    message, remedy = (
+        f"{out} holds files but no {layout.MANIFEST} of a dataset",
+        "move it away, or choose another folder",
+    )
+    if (out / layout.MANIFEST).exists():
+        message = f"{out}: its {layout.MANIFEST} is damaged, or another program's"
+        if not os.access(out / layout.MANIFEST, os.R_OK):
+            message = f"{out}: its {layout.MANIFEST} cannot be read: permission denied"
+            remedy = "allow this user to read it"
+    return InputError(message, help=remedy, code=Code.OUTPUT_IN_THE_WAY)
 
 
 def read_manifest(out: Path) -> Manifest | None:

@@ -96,7 +96,9 @@ def read(root: Path, name: str = "") -> Dataset:
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(
-            f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again", code=Code.INVALID_DATASET
+            f"{name}: its manifest or a plan is damaged ({reason})",
+            help="move the folder away, and build the dataset again",
+            code=Code.INVALID_DATASET,
         ) from None
     plan_digests = {variant: row["plan"] for variant, row in manifest["variants"].items()}
     return Dataset(root, plan, lock, files, name, recipe_file, plan_digests)

@@ -58,7 +58,7 @@ class Shot:
             InputError: A file exists there, and `replace` is false.
             RunError: The host cannot write it.
         """
-        with host_errors(str(path), "choose another file"):
+        with host_errors(str(path), "free some space, or choose another file"):
             write_output(path, self.encoded(), replace=replace)
 
 

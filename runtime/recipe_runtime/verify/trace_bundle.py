@@ -86,7 +86,7 @@ def read(path: Path, locked: Mapping[str, str], limits: Mapping[str, int]) -> di
     Args:
         path: the file.
         locked: the digest of each scene's Trace, as the lockfile has it.
-        limits: the most bytes of each scene's Trace (`size_limits`).
+        limits: the most bytes of each scene's Trace (`size_limits`). Traces of other scenes are skipped.
 
     Returns:
         The traces by scene; none if there is no file.
@@ -121,15 +121,18 @@ def size_limits(plan: DatasetPlan) -> dict[str, int]:
 
 def _entries(body: bytes, locked: Mapping[str, str], limits: Mapping[str, int]) -> dict[str, Trace]:
     found: dict[str, Trace] = {}
-    at = len(_HEAD)
+    seen, at = set[str](), len(_HEAD)
     while at < len(body):
         end = body.index(b"\n", at, at + _MAX_LINE)
         scene, digest, packed, raw = body[at:end].decode("ascii").split(" ")
         at = end + 1 + int(packed)
         if locked.get(scene) != digest:
             raise ValueError(f"it holds a Trace of scene {scene[:16]} that is not the lockfile's")
-        if scene in found or int(raw) > limits.get(scene, 0):
+        if scene in seen or int(raw) > limits.get(scene, MAX_BYTES):
             raise ValueError(f"it holds scene {scene[:16]} twice, or more motion than the scene has")
+        seen.add(scene)
+        if scene not in limits:  # the recipe was changed after it was locked
+            continue
         trace = _unpacked(memoryview(body)[end + 1 : at], int(raw))
         if trace.digest != digest:
             raise ValueError(f"the Trace of scene {scene[:16]} is not what its digest says")

@@ -118,6 +118,14 @@ def test_spawn_points_are_on_the_right_ground(town: Town) -> None:
 
 @pytest.mark.slow
 @all_towns
+def test_the_direction_of_a_lane_is_that_of_its_traffic(town: Town) -> None:
+    """Spawn points are on all lanes, in the direction of the traffic."""
+    spots = town.spots["vehicle"]
+    assert all(town.streets.lane_yaw(pose.x, pose.y) == pose.yaw for pose in spots)
+    assert len({pose.yaw for pose in spots}) >= 2
+
+
+@all_towns
 def test_routes_meet_no_object(town: Town) -> None:
     """Routes of vehicles keep a distance of 1 m from objects, those of pedestrians a shoulder's width."""
     solid = Obstacles(town)

@@ -73,6 +73,17 @@ def test_a_camera_in_the_ground_causes_a_warning() -> None:
     assert warned(on="hero1", z=0.1) == []
 
 
+def test_a_camera_that_is_too_far_from_the_town_to_see_it_causes_a_warning() -> None:
+    (message,) = warned(x=-7800)
+    assert message.startswith("sensors.street: it is more than 1000 m, its `far`, outside the town's bounds, x ")
+    assert message.endswith("; move the mount")
+    assert warned(x=-900) == []
+    recipe = small(clock={"fps": 10, "frames": 30})
+    approach = {"mount": {"x": -1150, "z": 40}, "motion": {"linear": {"to": {"x": -900}, "speed": 60}}}
+    recipe["base"]["sensors"]["street"] |= approach
+    assert compiled(recipe).warnings == ()
+
+
 def test_a_camera_in_a_house_causes_a_warning() -> None:
     (message,) = warned(x=-14, y=-19, z=6)
     assert message.startswith("sensors.street: it is inside building.")

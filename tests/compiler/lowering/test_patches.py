@@ -142,6 +142,8 @@ def test_the_placeholder_is_green(tmp_path: Path, mode: str) -> None:
         ),
         ({"on": {**WALL, "actor": "hero1"}, "texture": RED}, ["one of `town`, `actor`, `prop` or `board`"]),
         ({"on": {"board": {"x": 0, "y": 0}}, "texture": RED}, ["a board has the patch's size"]),
+        ({"on": "hero1", "texture": RED},
+         ['must be a map, not "hero1"; write keys and values: valid are town, actor, prop, board']),
         ({"on": WALL}, ["needs a `texture`"]),
         ({"on": WALL, "texture": {"image": "a.png", "color": "#000000"}}, ["one of `image`, `frames` or `color`"]),
         ({"on": WALL, "texture": {"image": "b.png"}}, ["there is no such file"]),

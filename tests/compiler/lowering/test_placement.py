@@ -58,6 +58,25 @@ def test_an_explicit_start_is_used_and_placed_on_the_ground() -> None:
     assert hero.start.z > 0  # the height of the kerb
 
 
+@pytest.mark.parametrize(
+    ("town", "x", "y", "yaw"),
+    [("suburb", -1.6, 60, -90), ("suburb", 1.6, 20, 90), ("downtown", -40, 37.6, 180), ("highway", -8, 0, -90)],
+)
+def test_a_vehicle_without_a_goal_stays_in_the_lane_of_its_start(town: str, x: float, y: float, yaw: float) -> None:
+    """Regression: its random route began in the opposite lane if it started in a lane towards -x or -y."""
+    car = {"blueprint": "vehicle.sedan.a", "speed": 8, "start": {"x": x, "y": y}}
+    car_plan = next(a for a in only(small(town=town, actors={"car": car})).scene.actors if a.name == "car")
+    first = car_plan.route[0]
+    assert car_plan.start.yaw % 360 == pytest.approx(yaw % 360, abs=1.0)
+    assert min(abs(first.x - x), abs(first.y - y)) <= 0.15, "the route begins in the same lane"
+
+
+def test_the_yaw_of_a_start_decides_the_direction() -> None:
+    car = {"blueprint": "vehicle.sedan.a", "speed": 8, "start": {"x": -1.6, "y": 60, "yaw": 90}}
+    car_plan = next(a for a in only(small(town="suburb", actors={"car": car})).scene.actors if a.name == "car")
+    assert car_plan.start.yaw == 90 and car_plan.route[0].y > 60
+
+
 def test_an_actor_that_does_not_move_has_no_route() -> None:
     recipe = small()
     recipe["base"]["actors"]["hero1"]["speed"] = 0

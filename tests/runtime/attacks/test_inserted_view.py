@@ -103,6 +103,8 @@ def test_the_gradient_of_a_digital_patch_is_its_transpose(folder: Path) -> None:
     assert (view.backward((inside * 255).astype(np.uint8), y) == gradient).all()
     with pytest.raises(InputError, match="float textures are from 0 to 1"):
         view.backward(inside - 1.0, y)
+    with pytest.raises(InputError, match="but the picture has the shape"):
+        view.backward(inside, y.transpose(2, 0, 1))
     eighths = np.floor(inside * 255.0 + 0.5).astype(np.uint8)
     np.testing.assert_array_equal(view.rounded(inside), view.rounded(eighths))
     np.testing.assert_array_equal(view.render(inside), view.render(eighths))

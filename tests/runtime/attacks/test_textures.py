@@ -11,6 +11,7 @@ import pytest
 import recipe_runtime
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime import scenario
+from recipe_runtime.attacks.textures import as_gradient
 from recipe_runtime.attacks.truth import patch_truth
 from recipe_runtime.scenario import Scenario
 
@@ -142,6 +143,41 @@ def test_floats_outside_0_to_1_are_refused(scene: Scenario, given: Any) -> None:
     for call in calls:
         with pytest.raises(InputError, match="float textures are from 0 to 1: divide 8-bit values by 255"):
             call()
+
+
+def test_a_gradient_of_another_shape_is_refused(scene: Scenario) -> None:
+    """Regression: a gradient with the channels first, PyTorch's order, gave a wrong gradient without an error."""
+    view = scene.patch_view(0, "poster", size=(9, 7))
+    texture, gradient = np.full((9, 7, 3), 0.5), np.random.default_rng(2).random((64, 96, 3))
+    for wrong in (gradient.transpose(2, 0, 1), gradient.transpose(1, 0, 2), gradient[..., :1], gradient[:9, :7], 0.0):
+        with pytest.raises(
+            InputError, match=r"but the picture has the shape \(64, 96, 3\); give an array \[height, wi"
+        ):
+            view.backward(texture, wrong)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="gradient of the picture that shows poster is of complex128; give floats"):
+        view.backward(texture, gradient.astype(complex))
+
+
+def test_a_gradient_may_be_a_tensor() -> None:
+    """A texture may be a tensor, channels first, and so may the gradient of the picture; infinite values are kept."""
+
+    class Tensor:
+        def __init__(self, values: Any) -> None:
+            self.values = values
+
+        def detach(self) -> Tensor:
+            return self
+
+        def cpu(self) -> Tensor:
+            return self
+
+        def numpy(self) -> Any:
+            return self.values
+
+    expected = np.arange(24.0).reshape(2, 4, 3)
+    expected[0, 0, 0] = np.inf
+    for values in (expected.transpose(2, 0, 1), expected.transpose(2, 0, 1)[None].astype(np.float32)):
+        np.testing.assert_array_equal(as_gradient("poster", Tensor(values), (2, 4, 3)), expected)
 
 
 def test_a_view_rounds_floats_as_a_frame_does(scene: Scenario) -> None:

@@ -164,7 +164,7 @@ def test_a_folder_without_a_dataset_is_refused_and_unchanged(tmp_path: Path) -> 
     with pytest.raises(InputError, match="holds files but no manifest"):
         again(tmp_path, workers=0)
     (tmp_path / "tiny" / "manifest.json").write_text('{"format": "webextension"}')
-    with pytest.raises(InputError, match="holds files but no manifest"):
+    with pytest.raises(InputError, match=r"its manifest.json is damaged, or another program's; move it away"):
         again(tmp_path, workers=0)
     assert thesis.read_text() == "years of work"
     notes = tmp_path / "other" / ".tiny.partial" / "notes"

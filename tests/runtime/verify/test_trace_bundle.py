@@ -85,6 +85,15 @@ def test_chunked_compression_gives_the_bytes_of_compression_at_once() -> None:
     assert trace_bundle.dumps({scene.digest: trace}) == b"recipe-traces 1\n" + head + packed
 
 
+def test_traces_of_scenes_that_the_recipe_no_longer_has_are_skipped(tmp_path: Path) -> None:
+    """Regression: `recipe verify` of a recipe that was changed after `lock --with-traces` reported a damaged file of
+    traces instead of the change."""
+    path, first = tmp_path / "a.traces", SCENES[0].digest
+    path.write_bytes(trace_bundle.dumps(TRACES))
+    assert trace_bundle.read(path, LOCKED, {}) == {}
+    assert trace_bundle.read(path, LOCKED, {first: LIMITS[first]}).keys() == {first}
+
+
 def test_a_scene_has_one_trace_of_bounded_size(tmp_path: Path) -> None:
     """Regression: 40 rows of one scene, each unpacked to 256 MiB, filled the disk."""
     path, one = tmp_path / "a.traces", {SCENES[0].digest: TRACES[SCENES[0].digest]}
@@ -96,6 +105,9 @@ def test_a_scene_has_one_trace_of_bounded_size(tmp_path: Path) -> None:
     path.write_bytes(body)
     with pytest.raises(InputError, match="twice, or more motion"):
         trace_bundle.read(path, LOCKED, {SCENES[0].digest: 100})
+    path.write_bytes(body + body.removeprefix(head))
+    with pytest.raises(InputError, match="twice, or more motion"):
+        trace_bundle.read(path, LOCKED, {})
     plan = dataset_plan(frames=3)
     limits = trace_bundle.size_limits(plan)
     assert limits.keys() == {variant.scene.digest for variant in plan.variants}

@@ -61,6 +61,10 @@ class Motorway:
         """Height of the ground, 0 everywhere."""
         return 0.0
 
+    def lane_yaw(self, x: float, y: float) -> float:
+        """Direction of the traffic on the carriageway where a point is, degrees."""
+        return 90.0 if x >= 0 else 270.0
+
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Route straight ahead in the starting lane, to the end of the road."""
         way = 1.0 if exact.sin_deg(start.yaw) >= 0 else -1.0

@@ -145,6 +145,13 @@ class StreetGrid:
         """The centre of a junction."""
         return self.xs[junction[0]], self.ys[junction[1]]
 
+    def lane_yaw(self, x: float, y: float) -> float:
+        """Direction of the traffic on the side of the nearest street where a point is, degrees."""
+        i, j = self._nearest(x, y)
+        if abs(x - self.xs[i]) <= abs(y - self.ys[j]):
+            return 90.0 if x >= self.xs[i] else 270.0
+        return 0.0 if y <= self.ys[j] else 180.0
+
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Generate a route along the lanes; straight on, right or left are drawn at each junction."""
         d, junction = self._lane_ahead(start)
@@ -182,10 +189,14 @@ class StreetGrid:
         """None: vehicles do not leave a street grid."""
         return None
 
+    def _nearest(self, x: float, y: float) -> Cell:
+        """Return the indices of the nearest street along y and of the nearest street along x."""
+        i = min(range(len(self.xs)), key=lambda k: abs(x - self.xs[k]))
+        return i, min(range(len(self.ys)), key=lambda k: abs(y - self.ys[k]))
+
     def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:
         """Return the direction of travel along the nearest street, and the next junction ahead."""
-        i = min(range(len(self.xs)), key=lambda k: abs(start.x - self.xs[k]))
-        j = min(range(len(self.ys)), key=lambda k: abs(start.y - self.ys[k]))
+        i, j = self._nearest(start.x, start.y)
         along_y = abs(start.x - self.xs[i]) <= abs(start.y - self.ys[j])
         d = _direction(start.yaw)
         if along_y:

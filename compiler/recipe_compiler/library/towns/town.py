@@ -67,6 +67,9 @@ class Ways(Protocol):
     def ground(self, x: float, y: float) -> float:
         """Height of the ground at a point."""
 
+    def lane_yaw(self, x: float, y: float) -> float:
+        """Direction of the traffic on the side of the street where a point is, degrees."""
+
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Generate a vehicle's route along the lanes."""
 
