@@ -18,7 +18,10 @@ _ADDED = {  # code -> what is added after parts of the library's remedy
         r"replace it\b": "--replace",
     },
     "invalid-dataset": {r"repair the dataset\b": "`recipe build RECIPE --repair`"},
-    "invalid-lockfile": {r"with traces\b": "`recipe lock --update --with-traces`"},
+    "invalid-lockfile": {
+        r"with traces\b": "`recipe lock --update --with-traces`",
+        r"write it again\b": "`recipe lock --update`",
+    },
 }
 
 

@@ -19,7 +19,8 @@ from recipe_cli import console, diagnostics
 from recipe_cli.commands import check, plan, verify
 from recipe_cli.console import Styled, in_colour, safe, say
 from recipe_cli.words import option_help
-from recipe_compiler.ir.errors import Code, Place, Problem, printable, split_remedy
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import Code, InputError, Place, Problem, printable, split_remedy
 
 from tests.cli.runner import run_here
 from tests.cli.test_small_files import on_a_terminal
@@ -339,6 +340,14 @@ def test_options_are_added_to_the_remedies_of_output_in_the_way(remedy: str, sho
 def test_the_command_that_writes_traces_is_added() -> None:
     problem = Problem("x.traces: damaged", help="lock the recipe again, with traces", code=Code.INVALID_LOCKFILE)
     assert option_help(problem) == "lock the recipe again, with traces (`recipe lock --update --with-traces`)"
+
+
+def test_the_command_that_writes_a_lockfile_again_is_added() -> None:
+    """Regression: the remedy named `recipe lock`, which refuses to replace a damaged lockfile."""
+    with pytest.raises(InputError) as caught:
+        lockfile.loads("recipe-lock 1\nbananas 3\n", "x.lock")
+    help = "restore the file from a copy, or write it again (`recipe lock --update`)"
+    assert option_help(caught.value.problems[0]) == help
 
 
 def test_a_remedy_that_problems_share_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:

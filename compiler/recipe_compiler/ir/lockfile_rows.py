@@ -19,7 +19,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 FORMAT = 1
 MAX_LINE = 1 << 14  # bytes
 KEY_LENGTH = 16  # digits of a digest that serve as a key within one lockfile
-RESTORE = "restore the file from a copy, or write it again with `recipe lock --update`"
+RESTORE = "restore the file from a copy, or write it again"
 _CELLS = {
     "recipe": 3, "identity": 1, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5,
     "seal": 1,

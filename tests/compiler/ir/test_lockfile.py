@@ -91,6 +91,4 @@ def test_the_error_for_a_missing_lockfile_names_the_command_that_writes_it(tmp_p
 def test_a_damaged_row_has_a_remedy(row: str) -> None:
     with pytest.raises(InputError) as caught:
         lockfile.loads(f"recipe-lock 1\n{row}\n", "x.lock")
-    assert (
-        caught.value.problems[0].help == "restore the file from a copy, or write it again with `recipe lock --update`"
-    )
+    assert caught.value.problems[0].help == "restore the file from a copy, or write it again"
