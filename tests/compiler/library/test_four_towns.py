@@ -57,12 +57,18 @@ def standing(town: Town) -> list[Element]:
     return [e for e in town.plan.elements if e.kind not in LYING]
 
 
-CARRIAGEWAYS: dict[str, list[Element]] = {}  # by the town's digest
+Row = tuple[float, float, list[tuple[float, float]]]
+CARRIAGEWAYS: dict[str, list[Row]] = {}  # by the town's digest
 
 
-def carriageways(town: Town) -> list[Element]:
+def carriageways(town: Town) -> list[Row]:
+    """Return the y and the half width of each row of carriageways, with the x and the half length of each."""
     if town.plan.digest not in CARRIAGEWAYS:
-        CARRIAGEWAYS[town.plan.digest] = [e for e in town.plan.elements if e.kind == "carriageway"]
+        rows: dict[tuple[float, float], list[tuple[float, float]]] = {}
+        for e in town.plan.elements:
+            if e.kind == "carriageway":
+                rows.setdefault((e.pose.y, e.size[0] / 2), []).append((e.pose.x, e.size[1] / 2))
+        CARRIAGEWAYS[town.plan.digest] = [(*row, spans) for row, spans in rows.items()]
     return CARRIAGEWAYS[town.plan.digest]
 
 
@@ -72,7 +78,10 @@ def in_lane(town: Town, x: float, y: float) -> bool:
         (x0, x1), (y0, y1) = grid.bounds
         inside = x0 + 1.0 < x < x1 - 1.0 and y0 + 1.0 < y < y1 - 1.0  # a rail closes a dead end
         return inside and (min(abs(x - s) for s in grid.xs) < LANE or min(abs(y - s) for s in grid.ys) < LANE)
-    return any(abs(x - e.pose.x) < e.size[1] / 2 and abs(y - e.pose.y) <= e.size[0] / 2 for e in carriageways(town))
+    return any(
+        abs(y - row_y) <= half_width and any(abs(x - at) < half_length for at, half_length in spans)
+        for row_y, half_width, spans in carriageways(town)
+    )
 
 
 class Obstacles:
