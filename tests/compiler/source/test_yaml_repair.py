@@ -41,6 +41,7 @@ deltas:
 """.splitlines()
 
 
+@pytest.mark.slow
 @given(number=st.integers(1, len(LINES)), change=st.sampled_from([-2, -1, 1, 2, "tab", "spaces and tab"]))
 @example(number=7, change=-1)  # the key of a map with lines below it, and a sibling eight lines away
 @example(number=11, change=-2)  # the first item of a list
@@ -80,6 +81,7 @@ def test_the_number_of_attempts_is_bounded() -> None:
     assert 0 < sum(tried) < 400_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lines",
     [["a:", "   b: 1", "  " + "c" * 900_000], [f"k{n}: 1" for n in range(60_000)] + ["  b: 1"]],

@@ -209,7 +209,11 @@ def test_the_memory_of_cached_frames_is_bounded(scene: Scenario, monkeypatch: py
     np.testing.assert_array_equal(scene.render(0, textures={"poster": SECOND}), shown[0])
 
 
-@pytest.mark.parametrize("given", [[[1], [1, 2]], np.full((9, 7, 3), np.nan), np.zeros((9, 7, 3), np.int32)], ids=str)
+@pytest.mark.parametrize(
+    "given",
+    [[[1], [1, 2]], np.full((9, 7, 3), np.nan), np.zeros((9, 7, 3), np.int32)],
+    ids=["ragged", "not a number", "int32"],
+)
 def test_a_view_refuses_arrays_that_are_no_image(scene: Scenario, given: Any) -> None:
     with pytest.raises(InputError, match="the texture of poster"):
         scene.patch_view(0, "poster", size=(9, 7)).forward(given)
