@@ -34,6 +34,7 @@ from recipe_compiler.source.yaml_reader import Value, show
 
 _CHECKED_SEPARATELY = {"base", "deltas"}
 _EARLY_CHECKS = {100, 300, 1000, 3000}  # numbers of variants after which the compile cost so far is checked
+_MAX_PROBLEMS = 1000  # of all variants; further variants are neither checked nor lowered
 
 
 @dataclass(frozen=True)
@@ -187,6 +188,8 @@ def _lowered(
         lowering.warnings.clear()
         if plan is not None:
             plans.append(plan)
+        if wrong.total > _MAX_PROBLEMS:
+            break
     if wrong.total:
         raise InputError(wrong.problems())
     return plans, warnings.problems()
@@ -287,7 +290,7 @@ def _check_variants_in_part(
         problems: list[Problem] = []
         checker.base(merged, problems)
         found.add(problems)
-        if found.total > 1000:
+        if found.total > _MAX_PROBLEMS:
             break
     return found.problems()
 

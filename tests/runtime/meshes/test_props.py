@@ -26,7 +26,7 @@ from recipe_runtime.core.trace import METRE
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.frames.engines import Engines, real_engines
-from recipe_runtime.meshes.props import prop_body
+from recipe_runtime.meshes.props import prop_bodies
 from recipe_runtime.transfer.bundle import Pack, unpacked
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify
@@ -54,7 +54,7 @@ def test_a_mesh_is_at_the_pose_of_the_plan() -> None:
     compiled = compile_recipe(GOOD)
     scene = compiled.plan.variants[0].scene
     (prop,) = (p for p in scene.props if p.name == "prop.part")
-    mesh = dict(prop_body(prop, Assets(compiled.places)).parts)["static"]
+    mesh = dict(next(prop_bodies([prop], Assets(compiled.places))).parts)["static"]
     local = trimesh.load_mesh(GOOD.parent / "files/tetrahedron.stl", process=False).vertices * 0.001
     pose = prop.pose
     expected = local @ rotation(pose).T + [pose.x, pose.y, pose.z]
@@ -68,7 +68,7 @@ def test_a_mesh_is_at_the_pose_of_the_plan() -> None:
 def test_a_board_faces_its_yaw_with_its_image_upright() -> None:
     pose = Pose(x=1.0, y=2.0, z=3.0, yaw=90.0)
     prop = PropPlan(name="prop.b", mesh=None, pose=pose, tag=20, low=(-0.01, -2.0, 0.0), high=(0.01, 2.0, 1.0))
-    mesh = dict(prop_body(prop, Assets()).parts)["static"]
+    mesh = dict(next(prop_bodies([prop], Assets())).parts)["static"]
     face = mesh.triangles[mesh.surface == [s.slot for s in mesh.surfaces].index("face")]
     assert np.allclose(mesh.normals[face.reshape(-1)], [0, 1, 0], atol=1e-6)
     corner = {tuple(mesh.uvs[v].tolist()): mesh.vertices[v] for v in face.reshape(-1)}
@@ -140,12 +140,12 @@ def test_a_changed_asset_file_is_not_used(tmp_path: Path) -> None:
     for content, words in ((b"v 0 0 0\n", "is no longer the file"), (b"x" * 100_000, "is no longer the file")):
         other.write_bytes(content)
         with pytest.raises(RunError, match=words):
-            prop_body(prop, Assets({prop.mesh.sha256: other}))
+            list(prop_bodies([prop], Assets({prop.mesh.sha256: other})))
     other.unlink()
     with pytest.raises(RunError, match="cannot be read: No such file"):
-        prop_body(prop, Assets({prop.mesh.sha256: other}))
+        list(prop_bodies([prop], Assets({prop.mesh.sha256: other})))
     with pytest.raises(RunError, match="is not available; name the recipe"):
-        prop_body(prop, Assets())
+        list(prop_bodies([prop], Assets()))
 
 
 def test_workers_get_the_folder_of_the_assets() -> None:
