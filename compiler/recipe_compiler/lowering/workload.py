@@ -5,6 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Protocol
 
@@ -17,7 +20,9 @@ from recipe_compiler.ir.rig.arm import history
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
+from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.lowering.patches import lower as patch_lowering
+from recipe_compiler.lowering.props import BOARD_TRIANGLES
 from recipe_compiler.lowering.sensors import arms
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
@@ -28,14 +33,60 @@ _BOXES = 0.45  # share of the elements of a town that shorten arms, at most
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
 
-def estimated(variant: Variant, base: Base, changes: int, texels: int = 0) -> limits.Load:
+@dataclass(frozen=True)
+class AssetSizes:
+    """The sizes of a recipe's assets, which plans do not have.
+
+    Attributes:
+        texels: of all images.
+        triangles: of each mesh, by its name in the recipe.
+        triangles_of_file: of each mesh, by the SHA-256 of its file.
+    """
+
+    texels: int = 0
+    triangles: Mapping[str, int] = field(default_factory=dict)
+    triangles_of_file: Mapping[str, int] = field(default_factory=dict)
+
+
+def sizes_of(assets: Mapping[str, AssetFile]) -> AssetSizes:
+    """Return the sizes of a recipe's assets."""
+    meshes = {name: asset for name, asset in assets.items() if asset.triangles}
+    return AssetSizes(
+        texels=sum(asset.pixels[0] * asset.pixels[1] for asset in assets.values()),
+        triangles={name: asset.triangles for name, asset in meshes.items()},
+        triangles_of_file={asset.file.sha256: asset.triangles for asset in meshes.values()},
+    )
+
+
+def _triangles(of_mesh: Mapping[str, int], meshes: Iterable[str | None]) -> dict[str, int]:
+    """Return the triangles of all props and of their distinct meshes, as arguments of `limits.Load`.
+
+    Args:
+        of_mesh: the triangles of each mesh.
+        meshes: the mesh of each prop; None for a board.
+    """
+    used = Counter(meshes)
+    all_props = sum(
+        number * (BOARD_TRIANGLES if mesh is None else of_mesh.get(mesh, 0)) for mesh, number in used.items()
+    )
+    return {
+        "props": used.total(),
+        "triangles": all_props,
+        "mesh_triangles": sum(of_mesh.get(mesh, 0) for mesh in used if mesh is not None),
+    }
+
+
+_NO_ASSETS = AssetSizes()
+
+
+def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) -> limits.Load:
     """Estimate the workload of a variant before lowering, from its checked models.
 
     Args:
         variant: the variant.
         base: its checked base. Sections that are the same object in several variants count as shared.
         changes: the number of axes and draws merged over the base.
-        texels: of all images of the recipe.
+        assets: the sizes of the recipe's assets.
     """
     parts = base.clock, base.town, base.actors, base.traffic, base.props
     scene = (*map(id, parts), patch_lowering.board_key(base.patches), variant.seed)
@@ -74,12 +125,16 @@ def estimated(variant: Variant, base: Base, changes: int, texels: int = 0) -> li
         points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
         metres=sum(map(_given_metres, base.actors.values())),
         changes=changes,
-        texels=texels,
+        texels=assets.texels,
         sequences=any(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
         patches=len(base.patches),
         moving_patches=sum(patch.on.actor is not None for patch in base.patches.values()),
         inserted_patches=sum(patch.mode in INSERTED for patch in base.patches.values()),
         charts=sum(p.mode == "color_transfer" and p.color_transfer.method in WITH_CHART for p in base.patches.values()),
+        patch_section=id(base.patches),
+        patch_images=clock.frames
+        * sum(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
+        **_triangles(assets.triangles, (prop.asset for prop in base.props.values())),
     )
 
 
@@ -109,12 +164,12 @@ def _samples(camera: optics.Lens, supersample: int) -> int:
     return width * height
 
 
-def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
+def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load:
     """Compute the workload of a variant from its plan. Plans with the same digest count as shared.
 
     Args:
         plan: the plan.
-        texels: of all images, whose sizes plans do not have.
+        assets: the sizes of the recipe's assets.
     """
     clock = plan.scene.clock
     responses, patches = plan.appearance.responses, plan.appearance.patches
@@ -142,12 +197,13 @@ def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
         views=views,
         elements=len(plan.scene.town.elements),
         metres=plan_bounds.route_metres(plan.scene.actors),
-        texels=texels,
+        texels=assets.texels,
         sequences=any(patch.changes for patch in patches),
         patches=len(patches),
         moving_patches=sum(not patch.whole and patch.faces[0].part != STATIC for patch in patches),
         inserted_patches=sum(patch.inserted for patch in patches),
         charts=sum(patch.transfer in WITH_CHART for patch in patches),
+        **_triangles(assets.triangles_of_file, (p.mesh.sha256 if p.mesh else None for p in plan.scene.props)),
     )
 
 

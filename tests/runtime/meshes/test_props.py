@@ -7,6 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from recipe_runtime.core.trace import METRE
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.frames.engines import Engines, real_engines
+from recipe_runtime.meshes import props as props_module
 from recipe_runtime.meshes.props import prop_bodies
 from recipe_runtime.transfer.bundle import Pack, unpacked
 from recipe_runtime.verify.locking import lock
@@ -189,6 +191,41 @@ def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str, tmp_p
     with pytest.raises((InputError, ValidationError), match=words):
         wrong = plan.variants[0].model_validate(variant)
         check_bounds(plan.model_copy(update={"variants": (wrong,)}))
+
+
+def test_a_mesh_is_decoded_once_for_all_of_its_props(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of 500,000 triangles takes seconds to decode, and a scene may have 1,000 props."""
+    compiled = compile_recipe(GOOD)
+    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+    decoded: list[str] = []
+    real = Assets.mesh
+    monkeypatch.setattr(Assets, "mesh", lambda self, prop: [decoded.append(prop.name), real(self, prop)][1])
+    assert len(list(prop_bodies([prop] * 5, Assets(compiled.places)))) == 5
+    assert len(decoded) == 1
+
+
+def test_the_triangles_of_an_untrusted_plan_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan from a dataset may show one mesh of the dataset's recipe any number of times."""
+    compiled = compile_recipe(GOOD)
+    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+    assets = Assets(compiled.places)
+    monkeypatch.setattr(props_module, "MAX_PROP_TRIANGLES", 3 * assets.mesh(prop).triangles)
+    with pytest.raises(InputError, match="triangles of props up to here exceed the limit of"):
+        list(prop_bodies([prop] * 9, assets))
+    assert len(list(prop_bodies([prop] * 3, assets))) == 3
+
+
+def test_an_untrusted_plan_shows_at_most_as_many_images_of_a_file_as_a_mesh_has_materials(tmp_path: Path) -> None:
+    _, plan = _plan(tmp_path)
+    file = {"sha256": "0" * 64, "bytes": 100, "kind": "glb"}
+    for number, fits in ((64, True), (65, False)):
+        variant = plan.variants[0].model_dump(mode="json")
+        textures = {"a": {f"s{n}": {"file": file, "number": n} for n in range(64)}}
+        textures["b"] = {"s": {"file": file, "number": number - 1}}
+        variant["appearance"]["textures"] = textures
+        changed = plan.model_copy(update={"variants": (plan.variants[0].model_validate(variant),)})
+        with nullcontext() if fits else pytest.raises(InputError, match=r"65 images of the file sha256:0+ are over 64"):
+            check_bounds(changed)
 
 
 @pytest.mark.parametrize("sha256", ["../../etc/passwd", "0" * 63, "Z" * 64])
