@@ -18,7 +18,6 @@ FRAME_LIMIT = 100_000
 BYTE_LIMIT = 20 * 2**30
 COMPILE_LIMIT = 12.0  # seconds
 MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
-
 TIME_LIMIT = 120.0  # minutes of one core
 
 # Bytes on disk.
@@ -54,7 +53,7 @@ _SHADE_PATCH = 0.02  # per patch and megasample
 _TRUTH, _TRUTH_PATCH = 0.05, 0.02  # truth of patches, per megapixel; per patch and megapixel
 _AMODAL = 0.055  # per rectangle and megapixel, again if it or the camera has moved
 _INSERT = 0.1  # textures inserted into the picture, per megapixel
-_FINISH = 0.12  # blur or bloom, per megapixel
+_BLOOM, _BLUR, _BLUR_STILL = 0.12, 0.12, 0.024  # per megapixel; megasample and moment: moving camera, static camera
 _ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # per megapixel
 _FILE = 0.0007  # per file, whatever its size
 
@@ -94,7 +93,8 @@ class Clip:
     capture: tuple[str, ...]
     poses: int = 1
     still: bool = True  # neither in motion nor mounted on an actor
-    finished: bool = False  # with motion blur or bloom
+    bloom: bool = False
+    moments: float = 0.0  # that motion blur averages
     interval: int = 1  # frames of the clip from one of its own to the next
     boxes: int = 0  # buildings and walls that shorten its arm
     history: int = 0  # earlier frames that its arm reads at each frame
@@ -283,8 +283,8 @@ def _clip(load: Load) -> int:
 
 def _loading(load: Load) -> float:
     """Seconds to load the meshes of a scene."""
-    props = load.triangles * _LOAD_TRIANGLE + load.mesh_triangles * _DECODE_TRIANGLE
-    return load.elements * _LOAD_ELEMENT + load.actors * _LOAD_ACTOR + props
+    town, actors = load.elements * _LOAD_ELEMENT, load.actors * _LOAD_ACTOR
+    return town + actors + load.triangles * _LOAD_TRIANGLE + load.mesh_triangles * _DECODE_TRIANGLE
 
 
 def _simulating(load: Load) -> float:
@@ -312,7 +312,7 @@ def _shading(load: Load, view: Clip) -> float:
     moved, still = (each + mega * rate for each, rate in (_SHADE, _SHADE_STILL))
     moved += load.patches * mega * _SHADE_PATCH
     whole = min(view.frames, _WHOLE_FRAMES) if view.still else view.frames
-    finish = view.finished * _FINISH * view.pixels / 1e6
+    finish = view.bloom * _BLOOM * view.pixels / 1e6 + view.moments * mega * (_BLUR_STILL if view.still else _BLUR)
     frame = _FILE + view.pixels / 1e6 * _ENCODE["rgb"] + load.actors * _SHADE_ACTOR + finish
     frame += load.sequences * load.texels * _TEXEL_AGAIN + load.charts * moved
     frame += (load.inserted_patches > 0) * _INSERT * view.pixels / 1e6
@@ -362,8 +362,8 @@ def _memory(
     appearances = Counter((scene, rig) for scene, rig, _ in looks)
     for key, load in observed.items():
         process = _WORKER + load.elements * _MEMORY_ELEMENT + load.actors * _MEMORY_ACTOR
-        shaded = any("rgb" in view.capture for view in load.views)
-        process += load.triangles * _MEMORY_TRIANGLE + shaded * (_SHADERS + load.texels * _MEMORY_TEXEL)
+        process += load.triangles * _MEMORY_TRIANGLE
+        process += (_SHADERS + load.texels * _MEMORY_TEXEL) * any("rgb" in view.capture for view in load.views)
         process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
         worker, metres = max(worker, process), max(metres, load.metres)
         records += sum(view.frames for view in load.views) * load.actors * _SEEN_AT_MOST

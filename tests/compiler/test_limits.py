@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,10 @@ from typing import Any
 import pytest
 from recipe_compiler import compile as compiler
 from recipe_compiler import limits
-from recipe_compiler import compile as compiler
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import Element
 from recipe_compiler.library import surfaces, towns
 from recipe_compiler.limits import Clip, Load, Memory, TooLargeError, size, total
 from recipe_compiler.lowering import workload
@@ -200,8 +201,21 @@ def test_each_kind_of_work_is_counted(more: dict[str, Any], least: float, most: 
 
 def test_blur_and_bloom_cost_time() -> None:
     moving = replace(SMALL_CLIP, frames=1000, pixels=300_000, samples=300_000, still=False)
-    plain, blurred = (total([_load(replace(moving, finished=x))], "carla").minutes for x in (False, True))
-    assert 1.1 < blurred / plain < 2
+    views = moving, replace(moving, bloom=True), replace(moving, moments=2.0), replace(moving, moments=96.0)
+    plain, bloom, blurred, smeared = (total([_load(view)], "carla").minutes for view in views)
+    assert 1.1 < bloom / plain < 2 and 1.1 < blurred / plain < 2
+    assert smeared > 10 * plain, "each moment of a long exposure is another look at the picture"
+
+
+@pytest.mark.parametrize(
+    ("camera", "least", "most"),
+    [({}, 0, 0), ({"motion_blur_intensity": 1.0}, 1, 8), ({"motion_blur_intensity": 10.0, "shutter_speed": 1}, 30, 96)],
+)
+def test_long_exposures_are_part_of_the_estimate(camera: dict[str, float], least: float, most: float) -> None:
+    recipe = small()
+    recipe["base"]["sensors"]["street"]["camera"] = camera
+    load = workload.measured(compiled(recipe).plan.variants[0])
+    assert least <= load.views[0].moments <= most
 
 
 def test_the_loading_of_every_different_town_is_counted() -> None:
@@ -334,7 +348,7 @@ def test_triangles_of_props_are_part_of_the_estimate(tmp_path: Path) -> None:
     ("changes", "variants"),
     [({"props": 1000}, 100), ({"patches": 64}, 2000), ({"patch_images": 64_000}, 40)],
 )
-def test_compiling_props_and_patches_is_part_of_the_estimate(changes: dict[str, int], variants: int) -> None:
+def test_compiling_props_and_patches_is_part_of_the_estimate(changes: dict[str, Any], variants: int) -> None:
     """A recipe may have a thousand props and 64 patches, and change one of them in each of ten thousand variants."""
     load = Load("s", "r", "a", 1, 1, (Clip(1, 256, 256, ("rgb",)),))
     many = [replace(load, scene=n, patch_section=n, **changes) for n in range(variants)]
@@ -346,7 +360,12 @@ def test_patches_are_looked_up_without_going_through_the_town(monkeypatch: pytes
     """Each patch of each variant would otherwise take as long as the town is large."""
     seen: list[str] = []
     real = surfaces.element_surfaces
-    monkeypatch.setattr(surfaces, "element_surfaces", lambda e: [seen.append(e.name), real(e)][1])
+
+    def noted(element: Element) -> Iterator[surfaces.Surface]:
+        seen.append(element.name)
+        return real(element)
+
+    monkeypatch.setattr(surfaces, "element_surfaces", noted)
     on = {"town": "wall.1", "size": {"width": 0.1, "height": 0.1}}
     recipe = small(patches={f"p{n}": {"on": on, "texture": {"color": "#ff0000"}} for n in range(10)})
     draw = {"count": 5, "values": {"patches.p0.gloss": {"uniform": [0, 1]}}}

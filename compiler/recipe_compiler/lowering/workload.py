@@ -30,6 +30,7 @@ from recipe_compiler.schema.scene import Actor
 from recipe_compiler.schema.tick import interval_of
 
 _BOXES = 0.45  # share of the elements of a town that shorten arms, at most
+_MOTION, _MAX_MOMENTS = 0.1, 96.0  # of a picture between two frames, widths; of motion blur
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
 
@@ -101,7 +102,8 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
             s.capture,
             base.clock.frames if s.motion != Motion() else 1,
             s.motion == Motion() and s.mount.on is None,
-            _has_image_filters(s.camera),
+            s.camera.bloom_intensity > 0.0,
+            _moments(s.camera, s.camera.width, base.clock.fps),
             interval_of(s.tick, base.clock.fps),
             round(elements * _BOXES) if arms.is_shortened(s) else 0,
             arms.earlier_frames(s, base.clock.fps),
@@ -146,17 +148,23 @@ def _given_metres(actor: Actor) -> float:
     return sum(exact.distance(a.x, a.y, b.x, b.y) for a, b in pairwise(points))
 
 
-class _ImageFilters(Protocol):
-    """The settings of the filters applied to the shaded picture."""
+class _Shutter(Protocol):
+    """The settings of motion blur."""
 
     @property
     def motion_blur_intensity(self) -> float: ...
     @property
-    def bloom_intensity(self) -> float: ...
+    def motion_blur_max_distortion(self) -> float: ...
+    @property
+    def shutter_speed(self) -> float: ...
 
 
-def _has_image_filters(camera: _ImageFilters) -> bool:
-    return camera.motion_blur_intensity > 0.0 or camera.bloom_intensity > 0.0
+def _moments(camera: _Shutter, width: int, fps: int) -> float:
+    """Return how many moments of the exposure motion blur averages for a sample, if the picture moves by `_MOTION`."""
+    if camera.motion_blur_intensity == 0.0:
+        return 0.0
+    length = min(camera.motion_blur_intensity * fps / camera.shutter_speed * _MOTION, camera.motion_blur_max_distortion)
+    return min(max(length * width, 1.0), _MAX_MOMENTS)
 
 
 def _samples(camera: optics.Lens, supersample: int) -> int:
@@ -181,7 +189,8 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
             s.capture,
             len(s.poses),
             len(s.poses) == 1 and s.on is None,
-            _has_image_filters(responses[s.name]),
+            responses[s.name].bloom_intensity > 0.0,
+            _moments(responses[s.name], s.camera.width, clock.fps),
             s.interval,
             0 if s.arm is None else len(s.arm.obstacles),
             0 if s.arm is None else history(s.arm.decay),

@@ -25,7 +25,7 @@ from recipe_runtime.build import pipeline as build_module
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.core import codecs, files
 from recipe_runtime.core.modalities import pixel_digest
-from recipe_runtime.dataset.schedule import SHARD_FRAMES, all_shards
+from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, all_shards
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.verify import locking
@@ -370,7 +370,7 @@ def test_invalid_input_that_a_worker_finds_is_not_a_failure_of_the_host() -> Non
 
     class Pipe:
         def recv(self) -> object:
-            return local._answer(cast("local.Worker", Refusing()), cast("local.Shard", None), lambda count: None)
+            return local._answer(cast("worker.Worker", Refusing()), cast("Shard", None), lambda count: None)
 
     pool = object.__new__(local.WorkerPool)
     with pytest.raises(InputError) as caught:

@@ -18,6 +18,7 @@ import trimesh
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from recipe_compiler.compile import Compiled, compile_recipe
+from recipe_compiler.ir.assets import MeshData
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plan import Clock, DatasetPlan, Pose, PropPlan, ScenePlan
 from recipe_compiler.library import towns
@@ -199,7 +200,12 @@ def test_a_mesh_is_decoded_once_for_all_of_its_props(monkeypatch: pytest.MonkeyP
     prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
     decoded: list[str] = []
     real = Assets.mesh
-    monkeypatch.setattr(Assets, "mesh", lambda self, prop: [decoded.append(prop.name), real(self, prop)][1])
+
+    def noted(self: Assets, prop: PropPlan) -> MeshData:
+        decoded.append(prop.name)
+        return real(self, prop)
+
+    monkeypatch.setattr(Assets, "mesh", noted)
     assert len(list(prop_bodies([prop] * 5, Assets(compiled.places)))) == 5
     assert len(decoded) == 1
 
