@@ -34,6 +34,7 @@ from recipe_compiler.source.yaml_reader import Value, show
 
 _CHECKED_SEPARATELY = {"base", "deltas"}
 _EARLY_CHECKS = {100, 300, 1000, 3000}  # numbers of variants after which the compile cost so far is checked
+_MAX_PROBLEMS = 1000  # of all variants; further variants are neither checked nor lowered
 
 
 @dataclass(frozen=True)
@@ -104,13 +105,13 @@ def _compile(
     found = Findings()
     checked: list[tuple[Variant, Base]] = []
     changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
-    texels = sum(asset.pixels[0] * asset.pixels[1] for asset in assets.values())
+    sizes = workload.sizes_of(assets)
     variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
     for variant, base in _check_variants(root, variants, _kinds(recipe), found):
         if base is None:
             continue
         checked.append((variant, base))
-        loads.append(workload.estimated(variant, base, changes, texels))
+        loads.append(workload.estimated(variant, base, changes, sizes))
         if len(loads) in _EARLY_CHECKS and not allow_large:
             limit_error = _compile_limit_error(root, loads, expand.count(axes, recipe.sweep))
             if limit_error and not problems and not found.total:
@@ -133,17 +134,17 @@ def _compile(
         annotations=recipe.output.annotations,
         depth=recipe.output.depth,
     )
-    cost = _cost(plans, recipe.output.depth, texels, estimate)
+    cost = _cost(plans, recipe.output.depth, sizes, estimate)
     clashes = expand.clashes(root, axes, recipe.sweep)
     warnings = _sorted(clashes, plausibility.of_weather(root), warnings)
     files = dict(sorted(sources.files.items()))
     return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
 
 
-def _cost(plans: Sequence[ScenarioPlan], depth: str, texels: int, estimate: limits.Cost) -> limits.Cost:
+def _cost(plans: Sequence[ScenarioPlan], depth: str, sizes: workload.AssetSizes, estimate: limits.Cost) -> limits.Cost:
     """The cost of building plans; that of compiling them is the estimate's."""
     return dataclasses.replace(
-        limits.total((workload.measured(plan, texels) for plan in plans), depth),
+        limits.total((workload.measured(plan, sizes) for plan in plans), depth),
         compile_seconds=estimate.compile_seconds,
         compile_bytes=estimate.compile_bytes,
     )
@@ -187,6 +188,8 @@ def _lowered(
         lowering.warnings.clear()
         if plan is not None:
             plans.append(plan)
+        if wrong.total > _MAX_PROBLEMS:
+            break
     if wrong.total:
         raise InputError(wrong.problems())
     return plans, warnings.problems()
@@ -287,7 +290,7 @@ def _check_variants_in_part(
         problems: list[Problem] = []
         checker.base(merged, problems)
         found.add(problems)
-        if found.total > 1000:
+        if found.total > _MAX_PROBLEMS:
             break
     return found.problems()
 

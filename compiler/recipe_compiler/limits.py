@@ -18,7 +18,6 @@ FRAME_LIMIT = 100_000
 BYTE_LIMIT = 20 * 2**30
 COMPILE_LIMIT = 12.0  # seconds
 MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
-
 TIME_LIMIT = 120.0  # minutes of one core
 
 # Bytes on disk.
@@ -35,6 +34,7 @@ _SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that are visible in a fr
 # Seconds on one core of an x86 processor of the 2020s. A megasample is a million rendered samples.
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6  # per process
 _LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes: per element and per actor of a scene
+_LOAD_TRIANGLE, _DECODE_TRIANGLE, _DRAW_TRIANGLE = 2e-6, 5e-6, 9e-8  # of props; their meshes; moving camera: per frame
 _SIMULATE_ACTOR = 0.012  # per actor
 _STEP, _STEP_ACTOR = 0.00005, 0.0000055  # per physics step; per actor and physics step
 _POSE_ACTOR = 0.000075  # per actor and frame
@@ -53,14 +53,14 @@ _SHADE_PATCH = 0.02  # per patch and megasample
 _TRUTH, _TRUTH_PATCH = 0.05, 0.02  # truth of patches, per megapixel; per patch and megapixel
 _AMODAL = 0.055  # per rectangle and megapixel, again if it or the camera has moved
 _INSERT = 0.1  # textures inserted into the picture, per megapixel
-_FINISH = 0.12  # blur or bloom, per megapixel
+_BLOOM, _BLUR, _BLUR_STILL = 0.12, 0.12, 0.024  # per megapixel; megasample and moment: moving camera, static camera
 _ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # per megapixel
 _FILE = 0.0007  # per file, whatever its size
 
 # Bytes of memory. A static camera keeps its samples, and their light for each appearance.
 _MAIN, _WORKER, _SIMULATION = 150 << 20, 205 << 20, 195 << 20  # per process
 _SHADERS = 165 << 20  # kernels and tables, per process that renders pictures
-_MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes: per element, per actor
+_MEMORY_ELEMENT, _MEMORY_ACTOR, _MEMORY_TRIANGLE = 130_000, 1_600_000, 520  # meshes: per element, actor, prop triangle
 _MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a moving camera
 _MEMORY_SHADE = 125  # per sample of a moving camera
 _MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
@@ -73,6 +73,9 @@ _PER_ELEMENT = (6.5e-5, 3400)  # per element of each distinct town
 _PER_COLOURS = (3e-6, 70)  # per element of each distinct scene
 _PER_ACTOR = (1.8e-4, 6000)  # per actor of each distinct scene
 _PER_POINT = (1.2e-5, 1100)  # per point of these actors' routes
+_PER_PROP = (1.6e-4, 5000)  # per prop of each distinct scene
+_PER_PATCH = (1.7e-4, 6000)  # per patch of each distinct scene and map of patches
+_PER_PATCH_AGAIN, _PER_IMAGE = (3e-5, 100), (6e-6, 0)  # per patch, and image of its sequence, of each variant
 _PER_POSE = (1e-4, 1600)  # per pose of each distinct rig
 _PER_SENSOR = (7e-5, 6000)  # per sensor of each distinct rig
 _PER_BOX = (1.3e-5, 600)  # per building or wall that shortens an arm of each distinct rig
@@ -90,7 +93,8 @@ class Clip:
     capture: tuple[str, ...]
     poses: int = 1
     still: bool = True  # neither in motion nor mounted on an actor
-    finished: bool = False  # with motion blur or bloom
+    bloom: bool = False
+    moments: float = 0.0  # that motion blur averages
     interval: int = 1  # frames of the clip from one of its own to the next
     boxes: int = 0  # buildings and walls that shorten its arm
     history: int = 0  # earlier frames that its arm reads at each frame
@@ -117,6 +121,11 @@ class Load:
     moving_patches: int = 0  # on actors
     inserted_patches: int = 0  # into the finished picture
     charts: int = 0  # colour charts in the place of patches, for each of which a frame is shaded again
+    patch_section: Hashable = None  # equal for variants with the same patches
+    patch_images: int = 0  # of all sequences of images
+    props: int = 0
+    triangles: int = 0  # of all props
+    mesh_triangles: int = 0  # of their distinct meshes
 
 
 @dataclass(frozen=True)
@@ -239,7 +248,7 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     observed = {(load.scene, load.rig): load for load in loads}
     looks = {(load.scene, load.rig, load.appearance): load for load in loads}
     alone = _START_BUILD + sum(map(_simulating, scenes.values()))
-    shared = _START_WORKER + sum(load.elements * _LOAD_ELEMENT + load.actors * _LOAD_ACTOR for load in scenes.values())
+    shared = _START_WORKER + sum(map(_loading, scenes.values()))
     shared += sum(_observing(load, view, depth) for load in observed.values() for view in load.views)
     shared += sum(_shading(load, view) for load in loads for view in load.views if "rgb" in view.capture)
     shared += sum(_truth(load, view) for load in loads for view in load.views)
@@ -272,6 +281,12 @@ def _clip(load: Load) -> int:
     return max((view.frames * view.interval for view in load.views), default=0)
 
 
+def _loading(load: Load) -> float:
+    """Seconds to load the meshes of a scene."""
+    town, actors = load.elements * _LOAD_ELEMENT, load.actors * _LOAD_ACTOR
+    return town + actors + load.triangles * _LOAD_TRIANGLE + load.mesh_triangles * _DECODE_TRIANGLE
+
+
 def _simulating(load: Load) -> float:
     """Seconds to simulate a scene."""
     frames = _clip(load)
@@ -286,7 +301,7 @@ def _observing(load: Load, view: Clip, depth: str) -> float:
     whole, least = view.frames, _OBSERVE_STILL * view.samples / 1e6
     if view.still:
         whole = min(view.frames, _WHOLE_FRAMES)
-    moved = _OBSERVE_MOVING + _OBSERVE * view.samples / 1e6 + view.boxes * _ARM_BOX
+    moved = _OBSERVE_MOVING + _OBSERVE * view.samples / 1e6 + view.boxes * _ARM_BOX + load.triangles * _DRAW_TRIANGLE
     moved += min(view.history, view.frames * view.interval // 2) * _ARM_FRAME
     return view.frames * frame + whole * moved + (view.frames - whole) * least
 
@@ -297,7 +312,7 @@ def _shading(load: Load, view: Clip) -> float:
     moved, still = (each + mega * rate for each, rate in (_SHADE, _SHADE_STILL))
     moved += load.patches * mega * _SHADE_PATCH
     whole = min(view.frames, _WHOLE_FRAMES) if view.still else view.frames
-    finish = view.finished * _FINISH * view.pixels / 1e6
+    finish = view.bloom * _BLOOM * view.pixels / 1e6 + view.moments * mega * (_BLUR_STILL if view.still else _BLUR)
     frame = _FILE + view.pixels / 1e6 * _ENCODE["rgb"] + load.actors * _SHADE_ACTOR + finish
     frame += load.sequences * load.texels * _TEXEL_AGAIN + load.charts * moved
     frame += (load.inserted_patches > 0) * _INSERT * view.pixels / 1e6
@@ -347,8 +362,8 @@ def _memory(
     appearances = Counter((scene, rig) for scene, rig, _ in looks)
     for key, load in observed.items():
         process = _WORKER + load.elements * _MEMORY_ELEMENT + load.actors * _MEMORY_ACTOR
-        process += _SHADERS * any("rgb" in view.capture for view in load.views)
-        process += load.texels * _MEMORY_TEXEL * any("rgb" in view.capture for view in load.views)
+        process += load.triangles * _MEMORY_TRIANGLE
+        process += (_SHADERS + load.texels * _MEMORY_TEXEL) * any("rgb" in view.capture for view in load.views)
         process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
         worker, metres = max(worker, process), max(metres, load.metres)
         records += sum(view.frames for view in load.views) * load.actors * _SEEN_AT_MOST
@@ -366,11 +381,16 @@ def _compiling(loads: Sequence[Load], scenes: Sequence[Load]) -> tuple[float, fl
     """Seconds and bytes of memory for compiling."""
     towns = {load.town: load.elements for load in scenes}
     rigs = {load.rig: load.views for load in loads}
+    patches = {(load.scene, load.patch_section): load.patches for load in loads}
     amounts = (
         (_PER_ELEMENT, sum(towns.values())),
         (_PER_COLOURS, sum(load.elements for load in scenes)),
         (_PER_ACTOR, sum(load.actors for load in scenes)),
         (_PER_POINT, sum(load.points for load in scenes)),
+        (_PER_PROP, sum(load.props for load in scenes)),
+        (_PER_PATCH, sum(patches.values())),
+        (_PER_PATCH_AGAIN, sum(load.patches for load in loads)),
+        (_PER_IMAGE, sum(load.patch_images for load in loads)),
         (_PER_POSE, sum(view.poses for views in rigs.values() for view in views)),
         (_PER_SENSOR, sum(len(views) for views in rigs.values())),
         (_PER_BOX, sum(view.boxes for views in rigs.values() for view in views)),

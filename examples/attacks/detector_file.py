@@ -35,7 +35,7 @@ def detector_file() -> bytes:
     """
     store = Store()
     model = store.get("downloads", MODEL_SHA256)
-    if model is None:
+    if model is None or hashlib.sha256(model).hexdigest() != MODEL_SHA256:
         model = unpacked(_fetched())
         store.put("downloads", MODEL_SHA256, model)
     return model

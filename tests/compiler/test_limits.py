@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from recipe_compiler import compile as compiler
 from recipe_compiler import limits
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.library import towns
+from recipe_compiler.ir.plan import Element
+from recipe_compiler.library import surfaces, towns
 from recipe_compiler.limits import Clip, Load, Memory, TooLargeError, size, total
 from recipe_compiler.lowering import workload
 from recipe_compiler.schema.sweep import Sweep
 
 from tests.compiler.kitchen import compiled, small
+from tests.compiler.modelling import obj
 
 RECIPES = Path(__file__).parents[2] / "recipes"
+SIZE = {"width": 1.0, "height": 0.5}
 
 
 def test_shared_work_is_counted_once() -> None:
@@ -196,8 +201,21 @@ def test_each_kind_of_work_is_counted(more: dict[str, Any], least: float, most: 
 
 def test_blur_and_bloom_cost_time() -> None:
     moving = replace(SMALL_CLIP, frames=1000, pixels=300_000, samples=300_000, still=False)
-    plain, blurred = (total([_load(replace(moving, finished=x))], "carla").minutes for x in (False, True))
-    assert 1.1 < blurred / plain < 2
+    views = moving, replace(moving, bloom=True), replace(moving, moments=2.0), replace(moving, moments=96.0)
+    plain, bloom, blurred, smeared = (total([_load(view)], "carla").minutes for view in views)
+    assert 1.1 < bloom / plain < 2 and 1.1 < blurred / plain < 2
+    assert smeared > 10 * plain, "each moment of a long exposure is another look at the picture"
+
+
+@pytest.mark.parametrize(
+    ("camera", "least", "most"),
+    [({}, 0, 0), ({"motion_blur_intensity": 1.0}, 1, 8), ({"motion_blur_intensity": 10.0, "shutter_speed": 1}, 30, 96)],
+)
+def test_long_exposures_are_part_of_the_estimate(camera: dict[str, float], least: float, most: float) -> None:
+    recipe = small()
+    recipe["base"]["sensors"]["street"]["camera"] = camera
+    load = workload.measured(compiled(recipe).plan.variants[0])
+    assert least <= load.views[0].moments <= most
 
 
 def test_the_loading_of_every_different_town_is_counted() -> None:
@@ -222,6 +240,7 @@ def test_memory_does_not_depend_on_frames_except_for_labels() -> None:
     [
         ({"elements": 7000}, 500 << 20),
         ({"actors": 300}, 300 << 20),
+        ({"triangles": 1_000_000}, 400 << 20),
         ({"view": replace(SMALL_CLIP, samples=1 << 22)}, 500 << 20),
     ],
 )
@@ -308,6 +327,61 @@ def test_patches_are_part_of_the_estimate() -> None:
     assert many.minutes > 3 * plain.minutes
     assert moving.minutes > 3 * many.minutes and charts.minutes > 10 * many.minutes
     assert many.bytes - plain.bytes >= 100 * 64 * 1000
+
+
+def test_triangles_of_props_are_part_of_the_estimate(tmp_path: Path) -> None:
+    """Each process loads them, and each frame of a moving camera draws them, seen or not."""
+    load = Load("s", "r", "a", 1, 1, (Clip(100, 3072, 3072, ("rgb",), still=False),))
+    plain, large = (total([each], "carla") for each in (load, replace(load, triangles=4_000_000)))
+    assert large.minutes - plain.minutes > 0.5
+    (tmp_path / "m.obj").write_bytes(obj())
+    at = {"x": 2, "y": 2}
+    props = {"a": {"asset": "m", "at": at}, "b": {"asset": "m", "at": at}, "c": {"size": SIZE, "at": at}}
+    (tmp_path / "r.yaml").write_text(json.dumps(small(props=props) | {"assets": {"m": {"mesh": "m.obj"}}}))
+    made = compile_recipe(tmp_path / "r.yaml")
+    sizes = workload.sizes_of({asset.name: asset for asset in made.assets})
+    found = workload.measured(made.plan.variants[0], sizes)
+    assert (found.props, found.triangles, found.mesh_triangles) == (3, 2 * 8 + 12, 8), "OBJ: both sides"
+
+
+@pytest.mark.parametrize(
+    ("changes", "variants"),
+    [({"props": 1000}, 100), ({"patches": 64}, 2000), ({"patch_images": 64_000}, 40)],
+)
+def test_compiling_props_and_patches_is_part_of_the_estimate(changes: dict[str, Any], variants: int) -> None:
+    """A recipe may have a thousand props and 64 patches, and change one of them in each of ten thousand variants."""
+    load = Load("s", "r", "a", 1, 1, (Clip(1, 256, 256, ("rgb",)),))
+    many = [replace(load, scene=n, patch_section=n, **changes) for n in range(variants)]
+    assert not total([replace(load, scene=n) for n in range(variants)], "carla").over_to_compile()
+    assert "s of compiling alone" in total(many, "carla").over_to_compile()[0]
+
+
+def test_patches_are_looked_up_without_going_through_the_town(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each patch of each variant would otherwise take as long as the town is large."""
+    seen: list[str] = []
+    real = surfaces.element_surfaces
+
+    def noted(element: Element) -> Iterator[surfaces.Surface]:
+        seen.append(element.name)
+        return real(element)
+
+    monkeypatch.setattr(surfaces, "element_surfaces", noted)
+    on = {"town": "wall.1", "size": {"width": 0.1, "height": 0.1}}
+    recipe = small(patches={f"p{n}": {"on": on, "texture": {"color": "#ff0000"}} for n in range(10)})
+    draw = {"count": 5, "values": {"patches.p0.gloss": {"uniform": [0, 1]}}}
+    elements = len(compiled(recipe | {"sweep": {"draw": draw}}).plan.variants[0].scene.town.elements)
+    assert len(seen) <= elements + 5 * 10
+
+
+def test_variants_are_not_lowered_after_many_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name that does not exist is compared with all names of a town, and each variant may have another one."""
+    monkeypatch.setattr(compiler, "_MAX_PROBLEMS", 2)
+    on = {"size": {"width": 0.1, "height": 0.1}}
+    recipe = small(patches={"p": {"on": on | {"town": "wall.1"}, "texture": {"color": "#ff0000"}}})
+    values = {f"v{n}": {"patches": {"p": {"on": {"town": "wax" + "x" * n}}}} for n in range(9)}
+    with pytest.raises(InputError) as caught:
+        compiled(recipe | {"deltas": {"axis": values}})
+    assert len(caught.value.problems) == 3
 
 
 def test_patches_of_a_recipe_and_of_its_plan_have_one_estimate() -> None:

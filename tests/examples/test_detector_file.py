@@ -56,6 +56,8 @@ def test_a_damaged_file_in_the_cache_is_downloaded_again(registry: list[str]) ->
     kept.write_bytes(kept.read_bytes()[:-1])
     assert module.detector_file() == MODEL and len(registry) == 2
     assert module.detector_file() == MODEL and len(registry) == 2
+    Store().put("downloads", module.MODEL_SHA256, b"another file")
+    assert module.detector_file() == MODEL and len(registry) == 3, "an entry may have another content"
 
 
 @pytest.mark.parametrize("constant", ["PACKAGE_SHA256", "MODEL_SHA256"])

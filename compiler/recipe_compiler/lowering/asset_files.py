@@ -15,6 +15,7 @@ from pathlib import Path, PurePosixPath
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import FilePlan
+from recipe_compiler.ir.plan_bounds import MAX_TEXTURE_PIXELS
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.file_help import nearest_file
@@ -22,7 +23,7 @@ from recipe_compiler.source.merge import Sources, forbidden, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 
 MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20
-ALL_TRIANGLES, ALL_PIXELS = 2_000_000, 64 << 20
+ALL_TRIANGLES, ALL_PIXELS = 2_000_000, MAX_TEXTURE_PIXELS
 INVALID_FILES, INVALID_BYTES = 5, 32 << 20  # invalid files that are decoded before the others are left out
 _KINDS = {"mesh": ("glb", "gltf", "obj", "stl"), "image": ("png",)}
 _WHY = {
@@ -119,9 +120,7 @@ def read(
         found[name] = one
         sources.files[path] = one.file.sha256
         if asset.sha256 is not None and asset.sha256 != one.file.sha256:
-            message = f"{label}.sha256: {show(path)} is another file: its digest is {one.file.sha256}"
-            remedy = "restore the original file, or write this digest if the new file is intended"
-            problems.append(Problem(message, wanted.pinned, remedy, Code.INVALID_ASSET))
+            problems.append(other_file(label, path, one.file.sha256, wanted.pinned))
         total, triangles = total + one.file.bytes, triangles + one.triangles
         pixels += one.pixels[0] * one.pixels[1]
         for number, what, most in _sums(total, triangles, pixels):
@@ -129,6 +128,20 @@ def read(
             problems.append(Problem(message, place, "use fewer or smaller assets", Code.INPUT_LIMIT))
             return found, problems
     return found, problems
+
+
+def other_file(label: str, path: str, sha256: str, place: Place) -> Problem:
+    """Return the problem that a file does not have the SHA-256 that the recipe gives.
+
+    Args:
+        label: of the file in the recipe, such as "assets.poster".
+        path: the file's path.
+        sha256: the file's own digest.
+        place: of the digest in the recipe.
+    """
+    message = f"{label}.sha256: {show(path)} is another file: its digest is {sha256}"
+    remedy = "restore the original file, or write this digest if the new file is intended"
+    return Problem(message, place, remedy, Code.INVALID_ASSET)
 
 
 def _wanted(root: Value, assets: Mapping[str, Asset], folder: Path, sources: Sources) -> dict[str, NamedFile]:

@@ -153,10 +153,12 @@ class Lowering:
         """The patches of a variant; None, with entries in `problems`, if there are any problems."""
         if not base.patches:
             return ()
+        town = scene.town
+        elements = self._once(("patchable", id(town)), town, lambda: patch_lowering.patchable(town))
         lowered = self._once(
             ("patches", id(base.patches), id(scene)),
             (base.patches, scene),
-            lambda: patch_lowering.lower(base.patches, self._textures, variant.base, scene),
+            lambda: patch_lowering.lower(base.patches, self._textures, variant.base, scene, elements),
         )
         self.problems += lowered.problems
         return None if lowered.problems else lowered.plans

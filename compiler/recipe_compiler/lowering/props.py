@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import Pose, PropPlan, TexturePlan
+from recipe_compiler.ir.plan_bounds import MAX_PROP_TRIANGLES
 from recipe_compiler.ir.semantic_tags import TAG_OF_LABEL
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.asset_files import AssetFile
@@ -21,7 +22,7 @@ BOARD_THICKNESS = 0.02  # metres
 BOARD_LOOK: Mapping[str, str] = {"face": "#909090", "back": "#b8b0a0"}
 _WHITE = "#ffffff"
 _SIZES = (0.001, 1000.0)  # limits of a prop's largest extent, metres
-_TRIANGLES = 4_000_000  # limit for all props of a scene
+BOARD_TRIANGLES = 12
 
 Corner = tuple[float, float, float]
 
@@ -48,9 +49,9 @@ def lower(props: Mapping[str, Prop], assets: Mapping[str, AssetFile], base: Valu
     lowered, triangles = LoweredProps(), 0
     for name, prop in props.items():
         mesh = assets[prop.asset] if prop.asset is not None else None
-        triangles += mesh.triangles if mesh else 4
-        if triangles > _TRIANGLES:
-            message = f"props: {triangles} triangles in total up to here exceed the limit of {_TRIANGLES}"
+        triangles += mesh.triangles if mesh else 0
+        if triangles > MAX_PROP_TRIANGLES:
+            message = f"props: {triangles} triangles in total up to here exceed the limit of {MAX_PROP_TRIANGLES}"
             remedy, place = "use fewer or simpler meshes", base.place_of("props", name)
             lowered.problems.append(Problem(message, place, remedy, Code.INPUT_LIMIT))
             break

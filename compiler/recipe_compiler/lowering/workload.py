@@ -5,6 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Protocol
 
@@ -17,7 +20,9 @@ from recipe_compiler.ir.rig.arm import history
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
+from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.lowering.patches import lower as patch_lowering
+from recipe_compiler.lowering.props import BOARD_TRIANGLES
 from recipe_compiler.lowering.sensors import arms
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
@@ -25,17 +30,64 @@ from recipe_compiler.schema.scene import Actor
 from recipe_compiler.schema.tick import interval_of
 
 _BOXES = 0.45  # share of the elements of a town that shorten arms, at most
+_MOTION, _MAX_MOMENTS = 0.1, 96.0  # of a picture between two frames, widths; of motion blur
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
 
-def estimated(variant: Variant, base: Base, changes: int, texels: int = 0) -> limits.Load:
+@dataclass(frozen=True)
+class AssetSizes:
+    """The sizes of a recipe's assets, which plans do not have.
+
+    Attributes:
+        texels: of all images.
+        triangles: of each mesh, by its name in the recipe.
+        triangles_of_file: of each mesh, by the SHA-256 of its file.
+    """
+
+    texels: int = 0
+    triangles: Mapping[str, int] = field(default_factory=dict)
+    triangles_of_file: Mapping[str, int] = field(default_factory=dict)
+
+
+def sizes_of(assets: Mapping[str, AssetFile]) -> AssetSizes:
+    """Return the sizes of a recipe's assets."""
+    meshes = {name: asset for name, asset in assets.items() if asset.triangles}
+    return AssetSizes(
+        texels=sum(asset.pixels[0] * asset.pixels[1] for asset in assets.values()),
+        triangles={name: asset.triangles for name, asset in meshes.items()},
+        triangles_of_file={asset.file.sha256: asset.triangles for asset in meshes.values()},
+    )
+
+
+def _triangles(of_mesh: Mapping[str, int], meshes: Iterable[str | None]) -> dict[str, int]:
+    """Return the triangles of all props and of their distinct meshes, as arguments of `limits.Load`.
+
+    Args:
+        of_mesh: the triangles of each mesh.
+        meshes: the mesh of each prop; None for a board.
+    """
+    used = Counter(meshes)
+    all_props = sum(
+        number * (BOARD_TRIANGLES if mesh is None else of_mesh.get(mesh, 0)) for mesh, number in used.items()
+    )
+    return {
+        "props": used.total(),
+        "triangles": all_props,
+        "mesh_triangles": sum(of_mesh.get(mesh, 0) for mesh in used if mesh is not None),
+    }
+
+
+_NO_ASSETS = AssetSizes()
+
+
+def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) -> limits.Load:
     """Estimate the workload of a variant before lowering, from its checked models.
 
     Args:
         variant: the variant.
         base: its checked base. Sections that are the same object in several variants count as shared.
         changes: the number of axes and draws merged over the base.
-        texels: of all images of the recipe.
+        assets: the sizes of the recipe's assets.
     """
     parts = base.clock, base.town, base.actors, base.traffic, base.props
     scene = (*map(id, parts), patch_lowering.board_key(base.patches), variant.seed)
@@ -50,7 +102,8 @@ def estimated(variant: Variant, base: Base, changes: int, texels: int = 0) -> li
             s.capture,
             base.clock.frames if s.motion != Motion() else 1,
             s.motion == Motion() and s.mount.on is None,
-            _has_image_filters(s.camera),
+            s.camera.bloom_intensity > 0.0,
+            _moments(s.camera, s.camera.width, base.clock.fps),
             interval_of(s.tick, base.clock.fps),
             round(elements * _BOXES) if arms.is_shortened(s) else 0,
             arms.earlier_frames(s, base.clock.fps),
@@ -74,12 +127,16 @@ def estimated(variant: Variant, base: Base, changes: int, texels: int = 0) -> li
         points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
         metres=sum(map(_given_metres, base.actors.values())),
         changes=changes,
-        texels=texels,
+        texels=assets.texels,
         sequences=any(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
         patches=len(base.patches),
         moving_patches=sum(patch.on.actor is not None for patch in base.patches.values()),
         inserted_patches=sum(patch.mode in INSERTED for patch in base.patches.values()),
         charts=sum(p.mode == "color_transfer" and p.color_transfer.method in WITH_CHART for p in base.patches.values()),
+        patch_section=id(base.patches),
+        patch_images=clock.frames
+        * sum(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
+        **_triangles(assets.triangles, (prop.asset for prop in base.props.values())),
     )
 
 
@@ -91,17 +148,23 @@ def _given_metres(actor: Actor) -> float:
     return sum(exact.distance(a.x, a.y, b.x, b.y) for a, b in pairwise(points))
 
 
-class _ImageFilters(Protocol):
-    """The settings of the filters applied to the shaded picture."""
+class _Shutter(Protocol):
+    """The settings of motion blur."""
 
     @property
     def motion_blur_intensity(self) -> float: ...
     @property
-    def bloom_intensity(self) -> float: ...
+    def motion_blur_max_distortion(self) -> float: ...
+    @property
+    def shutter_speed(self) -> float: ...
 
 
-def _has_image_filters(camera: _ImageFilters) -> bool:
-    return camera.motion_blur_intensity > 0.0 or camera.bloom_intensity > 0.0
+def _moments(camera: _Shutter, width: int, fps: int) -> float:
+    """Return how many moments of the exposure motion blur averages for a sample, if the picture moves by `_MOTION`."""
+    if camera.motion_blur_intensity == 0.0:
+        return 0.0
+    length = min(camera.motion_blur_intensity * fps / camera.shutter_speed * _MOTION, camera.motion_blur_max_distortion)
+    return min(max(length * width, 1.0), _MAX_MOMENTS)
 
 
 def _samples(camera: optics.Lens, supersample: int) -> int:
@@ -109,12 +172,12 @@ def _samples(camera: optics.Lens, supersample: int) -> int:
     return width * height
 
 
-def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
+def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load:
     """Compute the workload of a variant from its plan. Plans with the same digest count as shared.
 
     Args:
         plan: the plan.
-        texels: of all images, whose sizes plans do not have.
+        assets: the sizes of the recipe's assets.
     """
     clock = plan.scene.clock
     responses, patches = plan.appearance.responses, plan.appearance.patches
@@ -126,7 +189,8 @@ def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
             s.capture,
             len(s.poses),
             len(s.poses) == 1 and s.on is None,
-            _has_image_filters(responses[s.name]),
+            responses[s.name].bloom_intensity > 0.0,
+            _moments(responses[s.name], s.camera.width, clock.fps),
             s.interval,
             0 if s.arm is None else len(s.arm.obstacles),
             0 if s.arm is None else history(s.arm.decay),
@@ -142,12 +206,13 @@ def measured(plan: ScenarioPlan, texels: int = 0) -> limits.Load:
         views=views,
         elements=len(plan.scene.town.elements),
         metres=plan_bounds.route_metres(plan.scene.actors),
-        texels=texels,
+        texels=assets.texels,
         sequences=any(patch.changes for patch in patches),
         patches=len(patches),
         moving_patches=sum(not patch.whole and patch.faces[0].part != STATIC for patch in patches),
         inserted_patches=sum(patch.inserted for patch in patches),
         charts=sum(patch.transfer in WITH_CHART for patch in patches),
+        **_triangles(assets.triangles_of_file, (p.mesh.sha256 if p.mesh else None for p in plan.scene.props)),
     )
 
 

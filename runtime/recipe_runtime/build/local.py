@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, Pipe, wait
 from typing import Any, TypeAlias
 
-from recipe_compiler.ir.errors import RecipeError, RunError
+from recipe_compiler.ir.errors import InputError, RecipeError, RunError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.worker import Job, Worker
@@ -51,6 +51,7 @@ def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Calla
         Seconds by stage, summed over the workers.
 
     Raises:
+        InputError: files of the plan exceed a limit. The other workers are stopped.
         RunError: a frame failed; the message names it and its variant. The other workers are stopped.
     """
     if workers == 0:
@@ -135,8 +136,8 @@ class WorkerPool:
         if kind == "tick":
             tick(body)
         elif kind == "failed":
-            message, details = body
-            raise RunError(message) from _WorkerError(details)
+            kind_of_error, problems, details = body
+            raise kind_of_error(problems) from _WorkerError(details)
         else:
             records, seconds = body
             for stage, value in seconds.items():
@@ -199,7 +200,8 @@ def _answer(worker: Worker, shard: Shard, tick: Callable[[int], None]) -> tuple[
     except (EOFError, ConnectionError):
         raise
     except RecipeError as error:
-        return "failed", (str(error), traceback.format_exc())
+        kind = InputError if isinstance(error, InputError) else RunError
+        return "failed", (kind, error.problems, traceback.format_exc())
 
 
 def _end_with_parent(watched: int) -> None:

@@ -300,7 +300,8 @@ class _RemotePool:
             result: ShardResult = self._ray.get(reference)
             return result
         except errors.RayTaskError as error:
-            raise RunError(_line(error.cause)) from error
+            kind = InputError if isinstance(error.cause, InputError) else RunError
+            raise kind(_line(error.cause)) from error
         except errors.RayError as error:  # the worker was lost, or the node that held its result
             self._workers = [other for other in self._workers if other is not worker]
             self._losses[shard] = self._losses.get(shard, 0) + 1

@@ -21,6 +21,7 @@ from recipe_compiler.ir.plan_types import (
     MAX_PIXELS_A_SIDE,
     MAX_POINTS,
     MAX_PROPS,
+    MAX_SLOTS,
 )
 from recipe_compiler.ir.plurals import count
 
@@ -66,7 +67,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
     towns_of = {scene.town.digest: scene.town for scene in scenes_of.values()}
     found = [p for town in towns_of.values() for p in plan_bounds.town_faults(town.elements)]
     found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_actors_and_town(scene)]]
-    found += [p for v in dataset.variants for p in [*_props(v), *_patches(v), *_rig(v.rig, v)]]
+    found += [p for v in dataset.variants for p in [*_props(v), *_images(v), *_patches(v), *_rig(v.rig, v)]]
     found += _sums(dataset)
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
@@ -148,6 +149,15 @@ def _props(variant: ScenarioPlan) -> Iterator[str]:
     for file in variant.files.values():
         if not 0 <= file.bytes <= MAX_FILE_BYTES:
             yield f"the file sha256:{file.sha256} of {file.bytes} bytes is over {MAX_FILE_BYTES}"
+
+
+def _images(variant: ScenarioPlan) -> Iterator[str]:
+    numbers: dict[str, set[int | None]] = {}
+    for texture in (texture for slots in variant.appearance.textures.values() for texture in slots.values()):
+        numbers.setdefault(texture.file.sha256, set()).add(texture.number)
+    for sha256, found in numbers.items():
+        if len(found) > MAX_SLOTS:
+            yield f"{count(len(found), 'image')} of the file sha256:{sha256} are over {MAX_SLOTS}"
 
 
 def _patches(variant: ScenarioPlan) -> Iterator[str]:

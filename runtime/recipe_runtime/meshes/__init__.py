@@ -5,7 +5,7 @@ from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.meshes.actors import actor_body
 from recipe_runtime.meshes.mesh import Body
-from recipe_runtime.meshes.props import prop_body
+from recipe_runtime.meshes.props import prop_bodies
 from recipe_runtime.meshes.town import signal_bodies, town_bodies
 
 __all__ = ["actor_body", "scene_bodies", "signal_bodies", "town_bodies"]
@@ -17,5 +17,5 @@ def scene_bodies(scene: ScenePlan, assets: Assets) -> list[Body]:
     First come the static bodies of the town and the props, then the actors in plan order, then the lamps of traffic
     lights in the order of the town's elements.
     """
-    still = [*town_bodies(scene.town), *(prop_body(prop, assets) for prop in scene.props)]
+    still = [*town_bodies(scene.town), *prop_bodies(scene.props, assets)]
     return [*still, *(actor_body(actor) for actor in scene.actors), *signal_bodies(scene.town)]

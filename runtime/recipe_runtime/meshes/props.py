@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.assets import Part
-from recipe_compiler.ir.plan import PropPlan
+from recipe_compiler.ir.assets import MeshData, Part
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.plan import FilePlan, PropPlan
+from recipe_compiler.ir.plan_bounds import MAX_PROP_TRIANGLES
 
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 
 
-def prop_body(prop: PropPlan, assets: Assets) -> Body:
-    """Return a static body in world coordinates, with instance 0.
+def prop_bodies(props: Iterable[PropPlan], assets: Assets) -> Iterator[Body]:
+    """Yield a static body in world coordinates, with instance 0, for each prop. Each mesh is decoded once.
 
     Raises:
-        RunError: The file differs from the one in the plan.
+        InputError: The meshes have more triangles than those of a recipe may have: the plan may be untrusted.
+        RunError: A file differs from the one in the plan.
     """
-    parts = assets.mesh(prop).parts if prop.mesh is not None else _board(prop)
-    return Body(prop.name, 0, (("static", _mesh(prop, parts)),))
+    meshes: dict[tuple[FilePlan, str], MeshData] = {}
+    triangles = 0
+    for prop in props:
+        if prop.mesh is None:
+            parts: Sequence[Part] = _board(prop)
+        else:
+            key = prop.mesh, prop.up
+            if key not in meshes:
+                meshes[key] = assets.mesh(prop)
+            parts, triangles = meshes[key].parts, triangles + meshes[key].triangles
+        if triangles > MAX_PROP_TRIANGLES:
+            raise InputError(
+                f"{prop.name}: {triangles:,} triangles of props up to here exceed the limit of {MAX_PROP_TRIANGLES:,}",
+                help="use fewer or simpler meshes",
+                code=Code.INPUT_LIMIT,
+            )
+        yield Body(prop.name, 0, (("static", _mesh(prop, parts)),))
 
 
 def _mesh(prop: PropPlan, parts: Sequence[Part]) -> Mesh:

@@ -18,7 +18,7 @@ import trimesh
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from recipe_compiler.ir.assets import AssetError, MeshData, image, mesh
+from recipe_compiler.ir.assets import AssetError, MeshData, gltf, image, mesh
 
 from tests.compiler import modelling
 from tests.compiler.modelling import FACES, TETRAHEDRON, document, glb, obj, picture, png, stl, stl_text
@@ -124,6 +124,30 @@ def test_materials_give_slots_colours_and_pictures() -> None:
     assert [part.picture for part in found.parts] == [None, None, 0]
     assert [len(part.triangles) for part in found.parts] == [4, 4, 8]
     assert (image(content, "glb", 0) == picture()).all()
+
+
+def test_a_document_is_parsed_once_for_all_of_its_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file may have 64 materials, each with an image, and megabytes of JSON."""
+    parsed: list[int] = []
+    real = gltf._parsed
+
+    def noted(text: bytes) -> gltf.JsonObject:
+        parsed.append(len(text))
+        return real(text)
+
+    monkeypatch.setattr(gltf, "_parsed", noted)
+    content = glb()
+    mesh(content, "glb", "y")
+    for _ in range(3):
+        assert (image(bytes(bytearray(content)), "glb", 0) == picture()).all()
+    assert len(parsed) <= 1
+
+
+def test_the_values_of_a_document_are_counted_before_it_is_parsed() -> None:
+    declared, body = document()
+    declared["extras"] = [[]] * (gltf.MAX_VALUES // 2)
+    with pytest.raises(AssetError, match="values, above the limit of 500,000; simplify it"):
+        mesh(glb(declared, body), "glb", "y")
 
 
 def test_text_files_can_contain_binary_data() -> None:

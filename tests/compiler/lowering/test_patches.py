@@ -106,6 +106,21 @@ def test_textures_are_pinned_and_listed_as_files_of_the_recipe(tmp_path: Path) -
     assert "is another file" in refused(tmp_path, other)
 
 
+@pytest.mark.parametrize(
+    "delta",
+    [
+        {"poster": {"texture": {"sha256": "0" * 64}}},
+        {"poster": {"texture": {"image": "a.png", "sha256": "0" * 64}}},
+        {"other": {"on": WALL, "texture": {"image": "a.png", "sha256": "0" * 64}}},
+    ],
+)
+def test_a_pin_in_a_delta_is_compared_too(tmp_path: Path, delta: dict[str, Any]) -> None:
+    """The base may name the same image without a pin, or with the right one."""
+    base = {"poster": {"on": WALL, "texture": {"image": "a.png"}}}
+    with pytest.raises(InputError, match=r"texture\.image\.sha256: \S+ is another file: its digest is"):
+        compiled(tmp_path, base, {"pin": {"none": {}, "wrong": {"patches": delta}}})
+
+
 def test_a_sequence_has_one_image_per_frame(tmp_path: Path) -> None:
     patch = patch_of(tmp_path, {"on": WALL, "texture": {"frames": "frames"}})
     assert patch.changes and len(patch.texture.frames) == 4, "as many as the clip has frames"

@@ -13,19 +13,19 @@ import textwrap
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import pytest
 from PIL import Image
-from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.errors import Code, InputError, RunError
 from recipe_compiler.ir.plan import DatasetPlan, RigPlan
+from recipe_runtime.build import local, worker
 from recipe_runtime.build import pipeline as build_module
-from recipe_runtime.build import worker
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.core import codecs, files
 from recipe_runtime.core.modalities import pixel_digest
-from recipe_runtime.dataset.schedule import SHARD_FRAMES, all_shards
+from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, all_shards
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.verify import locking
@@ -359,6 +359,24 @@ def test_a_scene_that_cannot_be_loaded_is_reported_with_its_first_frame(tmp_path
     with pytest.raises(RunError) as caught:
         again(tmp_path, engines=UNLOADABLE, workers=workers)
     assert str(caught.value) == "weather=w0,jitter=still, street, frame 0: ArithmeticError: the scene has no ground"
+
+
+def test_invalid_input_that_a_worker_finds_is_not_a_failure_of_the_host() -> None:
+    """Exit code 1 means that datasets differ or the host failed; a plan with too many triangles is neither."""
+
+    class Refusing:
+        def do(self, shard: object, tick: object) -> None:
+            raise InputError("too many triangles", help="use simpler meshes", code=Code.INPUT_LIMIT)
+
+    class Pipe:
+        def recv(self) -> object:
+            return local._answer(cast("worker.Worker", Refusing()), cast("Shard", None), lambda count: None)
+
+    pool = object.__new__(local.WorkerPool)
+    with pytest.raises(InputError) as caught:
+        pool._receive(cast("local.End", Pipe()), iter(()), lambda shard, records: None, lambda count: None)
+    (problem,) = caught.value.problems
+    assert (problem.help, problem.code) == ("use simpler meshes", Code.INPUT_LIMIT)
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import trimesh
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from recipe_compiler.compile import Compiled, compile_recipe
+from recipe_compiler.ir.assets import MeshData
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plan import Clock, DatasetPlan, Pose, PropPlan, ScenePlan
 from recipe_compiler.library import towns
@@ -26,7 +28,8 @@ from recipe_runtime.core.trace import METRE
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.frames.engines import Engines, real_engines
-from recipe_runtime.meshes.props import prop_body
+from recipe_runtime.meshes import props as props_module
+from recipe_runtime.meshes.props import prop_bodies
 from recipe_runtime.transfer.bundle import Pack, unpacked
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify
@@ -54,7 +57,7 @@ def test_a_mesh_is_at_the_pose_of_the_plan() -> None:
     compiled = compile_recipe(GOOD)
     scene = compiled.plan.variants[0].scene
     (prop,) = (p for p in scene.props if p.name == "prop.part")
-    mesh = dict(prop_body(prop, Assets(compiled.places)).parts)["static"]
+    mesh = dict(next(prop_bodies([prop], Assets(compiled.places))).parts)["static"]
     local = trimesh.load_mesh(GOOD.parent / "files/tetrahedron.stl", process=False).vertices * 0.001
     pose = prop.pose
     expected = local @ rotation(pose).T + [pose.x, pose.y, pose.z]
@@ -68,7 +71,7 @@ def test_a_mesh_is_at_the_pose_of_the_plan() -> None:
 def test_a_board_faces_its_yaw_with_its_image_upright() -> None:
     pose = Pose(x=1.0, y=2.0, z=3.0, yaw=90.0)
     prop = PropPlan(name="prop.b", mesh=None, pose=pose, tag=20, low=(-0.01, -2.0, 0.0), high=(0.01, 2.0, 1.0))
-    mesh = dict(prop_body(prop, Assets()).parts)["static"]
+    mesh = dict(next(prop_bodies([prop], Assets())).parts)["static"]
     face = mesh.triangles[mesh.surface == [s.slot for s in mesh.surfaces].index("face")]
     assert np.allclose(mesh.normals[face.reshape(-1)], [0, 1, 0], atol=1e-6)
     corner = {tuple(mesh.uvs[v].tolist()): mesh.vertices[v] for v in face.reshape(-1)}
@@ -140,12 +143,12 @@ def test_a_changed_asset_file_is_not_used(tmp_path: Path) -> None:
     for content, words in ((b"v 0 0 0\n", "is no longer the file"), (b"x" * 100_000, "is no longer the file")):
         other.write_bytes(content)
         with pytest.raises(RunError, match=words):
-            prop_body(prop, Assets({prop.mesh.sha256: other}))
+            list(prop_bodies([prop], Assets({prop.mesh.sha256: other})))
     other.unlink()
     with pytest.raises(RunError, match="cannot be read: No such file"):
-        prop_body(prop, Assets({prop.mesh.sha256: other}))
+        list(prop_bodies([prop], Assets({prop.mesh.sha256: other})))
     with pytest.raises(RunError, match="is not available; name the recipe"):
-        prop_body(prop, Assets())
+        list(prop_bodies([prop], Assets()))
 
 
 def test_workers_get_the_folder_of_the_assets() -> None:
@@ -189,6 +192,46 @@ def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str, tmp_p
     with pytest.raises((InputError, ValidationError), match=words):
         wrong = plan.variants[0].model_validate(variant)
         check_bounds(plan.model_copy(update={"variants": (wrong,)}))
+
+
+def test_a_mesh_is_decoded_once_for_all_of_its_props(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of 500,000 triangles takes seconds to decode, and a scene may have 1,000 props."""
+    compiled = compile_recipe(GOOD)
+    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+    decoded: list[str] = []
+    real = Assets.mesh
+
+    def noted(self: Assets, prop: PropPlan) -> MeshData:
+        decoded.append(prop.name)
+        return real(self, prop)
+
+    monkeypatch.setattr(Assets, "mesh", noted)
+    assert len(list(prop_bodies([prop] * 5, Assets(compiled.places)))) == 5
+    assert len(decoded) == 1
+
+
+def test_the_triangles_of_an_untrusted_plan_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan from a dataset may show one mesh of the dataset's recipe any number of times."""
+    compiled = compile_recipe(GOOD)
+    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+    assets = Assets(compiled.places)
+    monkeypatch.setattr(props_module, "MAX_PROP_TRIANGLES", 3 * assets.mesh(prop).triangles)
+    with pytest.raises(InputError, match="triangles of props up to here exceed the limit of"):
+        list(prop_bodies([prop] * 9, assets))
+    assert len(list(prop_bodies([prop] * 3, assets))) == 3
+
+
+def test_an_untrusted_plan_shows_at_most_as_many_images_of_a_file_as_a_mesh_has_materials(tmp_path: Path) -> None:
+    _, plan = _plan(tmp_path)
+    file = {"sha256": "0" * 64, "bytes": 100, "kind": "glb"}
+    for number, fits in ((64, True), (65, False)):
+        variant = plan.variants[0].model_dump(mode="json")
+        textures = {"a": {f"s{n}": {"file": file, "number": n} for n in range(64)}}
+        textures["b"] = {"s": {"file": file, "number": number - 1}}
+        variant["appearance"]["textures"] = textures
+        changed = plan.model_copy(update={"variants": (plan.variants[0].model_validate(variant),)})
+        with nullcontext() if fits else pytest.raises(InputError, match=r"65 images of the file sha256:0+ are over 64"):
+            check_bounds(changed)
 
 
 @pytest.mark.parametrize("sha256", ["../../etc/passwd", "0" * 63, "Z" * 64])

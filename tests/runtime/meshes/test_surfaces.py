@@ -14,7 +14,7 @@ from recipe_compiler.library.surfaces import FlatSurface, WholeSurface
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.meshes.actors import actor_body
 from recipe_runtime.meshes.mesh import Body, Mesh
-from recipe_runtime.meshes.props import prop_body
+from recipe_runtime.meshes.props import prop_bodies
 from recipe_runtime.meshes.town import _body
 
 LEAST = {"sign": 0.6, "fence": 0.8}  # a sign's rectangle encloses its plate, and a fence has posts
@@ -72,7 +72,7 @@ def test_a_boards_surfaces_are_its_sides_and_its_patch_fills_it() -> None:
         name="patch.a", mesh=None, pose=Pose(x=3, y=4, z=1, yaw=40, pitch=10, roll=5), tag=20, low=low, high=high
     )
     front, back = surfaces.prop_surfaces(board)
-    mesh = prop_body(board, Assets()).mesh("static")
+    mesh = next(prop_bodies([board], Assets())).mesh("static")
     assert isinstance(front, FlatSurface) and isinstance(back, FlatSurface)
     assert covered(mesh, front) == covered(mesh, back) == 1.0
     face = front.face(*front.middle, *front.size)

@@ -10,12 +10,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, FilePlan, Looks, Pose, TexturePlan
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.render.scene.geometry import upload
+from recipe_runtime.render.texture import mipmaps
 from recipe_runtime.render.texture.mipmaps import ImageAtlases, mip_levels
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
@@ -162,6 +164,25 @@ def test_another_image_changes_only_pixels_that_show_it() -> None:
     for axis in (0, 1):
         near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)  # pixels at an edge show both
     assert differ.sum() > 200 and not (differ & ~near).any()
+
+
+def test_the_pixels_of_an_untrusted_plans_images_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan from a dataset may show any image of a glTF file, and the recipe counts only those of its materials."""
+    monkeypatch.setattr(mipmaps, "MAX_TEXTURE_PIXELS", 100)
+    file = FilePlan(sha256="0" * 64, bytes=100, kind="glb")
+    plans = [TexturePlan(file=file, number=n) for n in range(9)]
+    read: list[int | None] = []
+
+    def levels(texture: TexturePlan) -> list[NDArray[np.uint32]]:
+        read.append(texture.number)
+        return mip_levels(noise(8, 8))
+
+    geometry = upload([Body("town", 0, (("static", board(1.0, 1.0)),))], "cpu")
+    with pytest.raises(InputError, match="the images have more than 100 pixels in total"):
+        mipmaps.atlas_of(geometry, {}, levels, "cpu", plans)
+    assert read == [0, 1], "the others are not decoded"
+    twice = [plans[0], plans[0].model_copy(update={"repeat": True})]
+    assert len(mipmaps.atlas_of(geometry, {}, levels, "cpu", twice).numbers) == 2, "one image counts once"
 
 
 def test_images_of_props_are_read_once_while_those_of_patches_change(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import binascii
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NoReturn
 
 import numpy as np
@@ -32,6 +32,7 @@ from recipe_compiler.ir.assets.geometry import (
 from recipe_compiler.ir.assets.names import slot_names
 
 MAX_JSON = 8 << 20
+MAX_VALUES = 500_000  # of the JSON; lists and objects included
 MAX_NODES = 10_000
 MAX_PARTS = 20_000  # of all nodes' meshes together; each costs time, however small it is
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -59,7 +60,7 @@ class _Material:
 
 def read(content: bytes) -> list[Raw]:
     """Return a part for each primitive of each node of the file's scene, in the scene's frame (y up, z forward)."""
-    document = _Document(*_open(content))
+    document = _document(content)
     placed = list(document.placed())
     limits = ("triangles", MAX_TRIANGLES), ("vertices", MAX_VERTICES), ("parts", MAX_PARTS)
     for column, (what, most) in enumerate(limits):
@@ -69,7 +70,12 @@ def read(content: bytes) -> list[Raw]:
 
 def picture(content: bytes, number: int) -> png.Pixels:
     """Return one of the file's images."""
-    return png.decode(_Document(*_open(content)).image(number), opaque=False)
+    return png.decode(_document(content).image(number), opaque=False)
+
+
+@lru_cache(maxsize=1)  # the images of a file are read one after the other
+def _document(content: bytes) -> _Document:
+    return _Document(*_open(content))
 
 
 def _open(content: bytes) -> tuple[JsonObject, bytes | None]:
@@ -95,6 +101,9 @@ def _open(content: bytes) -> tuple[JsonObject, bytes | None]:
 def _parsed(text: bytes) -> JsonObject:
     if len(text) > MAX_JSON:
         raise AssetError(f"its description is larger than {MAX_JSON >> 20} MiB; put the data into a .glb file")
+    values = text.count(b",") + text.count(b"[") + text.count(b"{")
+    if values > MAX_VALUES:
+        raise AssetError(f"its description has {values:,} values, above the limit of {MAX_VALUES:,}; simplify it")
     try:
         found = json.loads(text.decode("utf-8-sig"), parse_constant=_no_number)
     except (ValueError, RecursionError):

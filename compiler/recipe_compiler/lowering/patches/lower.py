@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.patches import GREEN, INSERTED, PatchFace, PatchPlan, PatchTexture
-from recipe_compiler.ir.plan import ScenePlan
+from recipe_compiler.ir.plan import Element, ScenePlan, TownPlan
 from recipe_compiler.ir.plan_types import MAX_PROPS
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.library import surfaces
 from recipe_compiler.library.surfaces import FlatSurface, Surface
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering import props
-from recipe_compiler.lowering.asset_files import AssetFile
+from recipe_compiler.lowering.asset_files import AssetFile, other_file
 from recipe_compiler.lowering.patches.texture_files import Key, texture_key
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.patches import Carrier, Patch
@@ -50,11 +50,39 @@ def add_boards(stage: props.LoweredProps, patches: Mapping[str, Patch], base: Va
         stage.looks[board.name] = dict(props.BOARD_LOOK)
 
 
+def patchable(town: TownPlan) -> dict[str, Element]:
+    """Return the elements of a town that have a surface, by name."""
+    return {e.name: e for e in town.elements if next(surfaces.element_surfaces(e), None) is not None}
+
+
+class _Carriers:
+    """The bodies of a scene that patches can be on, by kind and by their names in a recipe."""
+
+    def __init__(self, scene: ScenePlan, elements: Mapping[str, Element]) -> None:
+        self.scene, self._elements = scene, elements
+        self._actors = {actor.name: actor for actor in scene.actors}
+        own = (prop for prop in scene.props if prop.name.startswith(props.PREFIX))
+        self._props = {prop.name.removeprefix(props.PREFIX): prop for prop in own}
+
+    def names(self, key: str) -> list[str]:
+        """Return the names of all bodies of a kind: `town`, `actor` or `prop`."""
+        return list({"town": self._elements, "actor": self._actors, "prop": self._props}[key])
+
+    def surfaces(self, key: str, name: str) -> list[Surface]:
+        """Return the surfaces of a body; none if there is no body of that kind and name."""
+        if key == "town":
+            return list(surfaces.element_surfaces(self._elements[name])) if name in self._elements else []
+        if key == "actor":
+            return list(surfaces.actor_surfaces(self._actors[name])) if name in self._actors else []
+        return list(surfaces.prop_surfaces(self._props[name])) if name in self._props else []
+
+
 def lower(
     patches: Mapping[str, Patch],
     textures: Mapping[Key, Sequence[AssetFile]],
     base: Value,
     scene: ScenePlan,
+    elements: Mapping[str, Element],
 ) -> LoweredPatches:
     """Lower all patches, in file order.
 
@@ -63,10 +91,11 @@ def lower(
         textures: the validated files of textures.
         base: the variant's base, for the places of problems.
         scene: the scene, with the boards.
+        elements: the elements of its town that have a surface, as `patchable` returns them.
     """
-    lowered = LoweredPatches()
+    lowered, carriers = LoweredPatches(), _Carriers(scene, elements)
     for name, patch in patches.items():
-        surface = _surface(name, patch.on, base, scene, lowered.problems)
+        surface = _surface(name, patch.on, base, carriers, lowered.problems)
         texture = _texture(name, patch, textures, base, scene.clock.frames, lowered.problems)
         faces = None if surface is None else _faces(name, patch, surface, base, lowered.problems)
         if surface is None or faces is None or texture is None:
@@ -87,20 +116,18 @@ def lower(
     return lowered
 
 
-def _surface(name: str, on: Carrier, base: Value, scene: ScenePlan, problems: list[Problem]) -> Surface | None:
+def _surface(name: str, on: Carrier, base: Value, carriers: _Carriers, problems: list[Problem]) -> Surface | None:
     """Return the surface that a patch is on; None, with a problem, if there is no surface of that name."""
     if on.board is not None:
-        board = next(prop for prop in scene.props if prop.name == BOARD_PREFIX + name)
+        board = next(prop for prop in carriers.scene.props if prop.name == BOARD_PREFIX + name)
         return next(iter(surfaces.prop_surfaces(board)))
     key, given = next((key, value) for key in ("town", "actor", "prop") if (value := getattr(on, key)) is not None)
     place = base.place_of("patches", name, "on", key)
-    known = dict(_bodies(key, scene))
-    candidates = list(known[given]) if given in known else []
+    candidates = carriers.surfaces(key, given)
     if not candidates:
-        names = [name for name, body in known.items() if next(body, None) is not None]
         what = {"town": "an element of the town with a surface", "actor": "an actor", "prop": "a prop"}[key]
         message = f"patches.{name}.on.{key}: {show(given)} is not {what}"
-        problems.append(Problem(message, place, nearest(given, names), Code.UNKNOWN_NAME))
+        problems.append(Problem(message, place, nearest(given, carriers.names(key)), Code.UNKNOWN_NAME))
         return None
     if on.surface is None:
         return candidates[0]
@@ -110,18 +137,6 @@ def _surface(name: str, on: Carrier, base: Value, scene: ScenePlan, problems: li
         remedy = nearest(on.surface, [surface.name for surface in candidates])
         problems.append(Problem(message, base.place_of("patches", name, "on", "surface"), remedy, Code.UNKNOWN_NAME))
     return found
-
-
-def _bodies(key: str, scene: ScenePlan) -> Iterator[tuple[str, Iterator[Surface]]]:
-    """Yield the bodies of a kind by their names in a recipe, with their surfaces."""
-    if key == "town":
-        kinds = surfaces.KINDS
-        yield from ((e.name, surfaces.element_surfaces(e)) for e in scene.town.elements if e.kind in kinds)
-    elif key == "actor":
-        yield from ((actor.name, surfaces.actor_surfaces(actor)) for actor in scene.actors)
-    else:
-        own = ((p.name.removeprefix(props.PREFIX), p) for p in scene.props if p.name.startswith(props.PREFIX))
-        yield from ((name, surfaces.prop_surfaces(prop)) for name, prop in own)
 
 
 def _faces(
@@ -186,6 +201,10 @@ def _texture(
     value = base.get("patches", name, "texture", kind)
     assert value is not None
     files = [one.file for one in textures[texture_key(value.place, str(value.data), kind)]]
+    if kind == "image" and texture.sha256 not in (None, files[0].sha256):
+        place = base.place_of("patches", name, "texture", "sha256")
+        problems.append(other_file(f"patches.{name}.texture.image", str(value.data), files[0].sha256, place))
+        return None
     if kind == "image":
         return PatchTexture(image=files[0])
     if len(files) < frames:

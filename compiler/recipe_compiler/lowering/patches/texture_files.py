@@ -50,7 +50,7 @@ def find(root: Value, folder: Path, sources: Sources) -> TextureFiles:
         sources: the recipe's files.
     """
     found, known = TextureFiles(), {printable(str(folder / name)): name for name in sources.files}
-    for where, kind, value, pin in _named(root):
+    for where, kind, value in _named(root):
         given = value.data
         key = texture_key(value.place, str(given), kind)
         if not isinstance(given, str) or key in found.names:
@@ -58,9 +58,8 @@ def find(root: Value, folder: Path, sources: Sources) -> TextureFiles:
         path = str(PurePosixPath(known.get(value.place.file, "")).parent / given)
         paths = (path,) if kind == "image" else _sequence(where, given, folder, path, value.place, found.problems)
         for one in paths:
-            asset = Asset.model_construct(image=given if kind == "image" else one, sha256=_text(pin))
-            pinned = pin.place if pin is not None else value.place
-            found.files.setdefault(_PREFIX + one, NamedFile(where, asset, one, value.place, pinned))
+            asset = Asset.model_construct(image=given if kind == "image" else one, sha256=None)
+            found.files.setdefault(_PREFIX + one, NamedFile(where, asset, one, value.place, value.place))
         found.names[key] = tuple(_PREFIX + one for one in paths)
     return found
 
@@ -70,8 +69,11 @@ def texture_key(place: Place, given: str, kind: str) -> Key:
     return place.file, given, kind
 
 
-def _named(root: Value) -> Iterator[tuple[str, str, Value, Value | None]]:
-    """Yield the path of each texture in the recipe, `image` or `frames`, its value, and its SHA-256 if it is pinned."""
+def _named(root: Value) -> Iterator[tuple[str, str, Value]]:
+    """Yield the path of each texture in the recipe, `image` or `frames`, and its value.
+
+    A SHA-256 may be in another delta than the image, so it is compared where patches are lowered.
+    """
     base, deltas = root.get("base"), root.get("deltas")
     layers = [base] if base is not None else []
     layers += [delta for values in deltas.map.values() for delta in values.map.values()] if deltas is not None else []
@@ -81,15 +83,14 @@ def _named(root: Value) -> Iterator[tuple[str, str, Value, Value | None]]:
             for kind in ("image", "frames"):
                 value = layer.get("patches", name, "texture", kind)
                 if value is not None:
-                    pin = layer.get("patches", name, "texture", "sha256")
-                    yield f"patches.{name}.texture.{kind}", kind, value, pin
+                    yield f"patches.{name}.texture.{kind}", kind, value
     draws = root.get("sweep", "draw", "values")
     for path, how in draws.map.items() if draws is not None else ():
         steps = path.split(".")
         choice = how.get("choice")
         if len(steps) == 4 and steps[0] == "patches" and steps[2] == "texture" and steps[3] in ("image", "frames"):
             for value in choice.data if choice is not None and isinstance(choice.data, tuple) else ():
-                yield path, steps[3], value, None
+                yield path, steps[3], value
 
 
 def _sequence(
@@ -111,7 +112,3 @@ def _sequence(
         problems.append(Problem(f"{where}: {show(given)}: {reason}", place, remedy, Code.INVALID_ASSET))
         return ()
     return tuple(str(PurePosixPath(path) / name) for name in names)
-
-
-def _text(value: Value | None) -> str | None:
-    return value.data if value is not None and isinstance(value.data, str) else None

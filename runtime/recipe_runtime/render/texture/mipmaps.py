@@ -10,7 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.plan import AppearancePlan, TexturePlan
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.plan import AppearancePlan, FilePlan, TexturePlan
+from recipe_compiler.ir.plan_bounds import MAX_TEXTURE_PIXELS
 
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.setup import wp
@@ -83,14 +85,29 @@ def atlas_of(
     device: str,
     patched: Sequence[TexturePlan] = (),
 ) -> Atlas:
-    """Return the images of a geometry's surfaces and of patches; an image that several show is stored once."""
+    """Return the images of a geometry's surfaces and of patches; an image that several show is stored once.
+
+    Raises:
+        InputError: They have more pixels than those of a recipe may have: the plan may be untrusted.
+    """
     wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
     known = list(dict.fromkeys(texture for texture in (*wanted, *patched) if texture is not None))
-    ladders = [levels_of(texture) for texture in known]
-    of_surface = [-1 if texture is None else known.index(texture) for texture in wanted]
+    ladders, pixels, counted = [], 0, set[tuple[FilePlan, int | None]]()
+    for texture in known:
+        ladders.append(levels_of(texture))
+        pixels += 0 if (texture.file, texture.number) in counted else ladders[-1][0].size
+        counted.add((texture.file, texture.number))
+        if pixels > MAX_TEXTURE_PIXELS:
+            raise InputError(
+                f"the images have more than {MAX_TEXTURE_PIXELS:,} pixels in total",
+                help="use fewer or smaller images",
+                code=Code.INPUT_LIMIT,
+            )
+    numbers = {texture: number for number, texture in enumerate(known)}
+    of_surface = [-1 if texture is None else numbers[texture] for texture in wanted]
     atlas = image_atlas(ladders, [texture.repeat for texture in known], of_surface, device)
     texels = sum(level.size for ladder in ladders for level in ladder)
-    return Atlas(atlas, {texture: number for number, texture in enumerate(known)}, texels)
+    return Atlas(atlas, numbers, texels)
 
 
 def image_atlas(
