@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import ObstacleMap
-from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Pose, RigPlan
+from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Point, Pose, RigPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
@@ -97,6 +97,39 @@ def of_vehicle_routes(
             yield Problem(message, place, "lead it round, with waypoints as `route`", Code.PLACEMENT)
 
 
+def of_directions(
+    base: Value, given: Mapping[str, Actor], actors: Sequence[ActorPlan], town: Town
+) -> Iterator[Problem]:
+    """Yield warnings for vehicles that set out on a random route against the traffic of their side of the street.
+
+    Args:
+        base: the recipe's base, for the places of its values.
+        given: the named actors.
+        actors: the plans of all actors.
+        town: the town.
+    """
+    for actor in actors:
+        named = given.get(actor.name)
+        if named is None or named.start is None or named.start.yaw is None or actor.category != "vehicle":
+            continue
+        if actor.route and named.goal is None and named.route is None:
+            against = _against_traffic(town, actor.start, actor.route[0])
+            if against is not None:
+                message = f"actors.{actor.name}.start.yaw: with {named.start.yaw:g}, it sets out {against[0]}"
+                place = base.place_of("actors", actor.name, "start", "yaw")
+                yield Problem(message, place, f"{against[1]}, or leave it out", Code.PLACEMENT)
+
+
+def _against_traffic(town: Town, start: Pose, ahead: Pose | Point) -> tuple[str, str] | None:
+    """Return the end of a message and a remedy if the way to a point is against the traffic at its start, else None."""
+    lane = town.streets.lane_yaw(start.x, start.y)
+    s, c = exact.sin_cos_deg(lane)
+    if c * (ahead.x - start.x) + s * (ahead.y - start.y) >= 0.0:
+        return None
+    yaw = lane if lane <= 180.0 else lane - 360.0
+    return f"against the traffic on this side of the street, whose yaw is {yaw:g}", f"write yaw: {yaw:g}"
+
+
 def _first_met(actor: ActorPlan, solid: ObstacleMap, seconds: float) -> tuple[int, str, float, float] | None:
     """Return the first obstacle that a vehicle meets on the lines of its route, as far as it can get in some seconds.
 
@@ -121,9 +154,9 @@ def _first_met(actor: ActorPlan, solid: ObstacleMap, seconds: float) -> tuple[in
 def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
     """Yield warnings for cameras in places that are probably mistakes.
 
-    These are cameras that are at any frame below the ground or inside a building, which has no interior, or that are at
-    every frame farther from the town than they see. For a camera mounted on an actor, the ground is the height of the
-    actor's origin.
+    These are cameras that are at any frame below the ground or inside a building, which has no interior, that are at
+    every frame farther from the town than they see, or that set out along a road against its traffic. For a camera
+    mounted on an actor, the ground is the height of the actor's origin.
 
     Args:
         base: the recipe's base, for the places of its values.
@@ -147,6 +180,12 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
             message = f"sensors.{sensor.name}: it is inside {house.name}{when}, which has no interior"
             place = base.place_of("sensors", sensor.name, "mount")
             yield Problem(message, place, "move the mount", Code.PLACEMENT)
+        road = base.get("sensors", sensor.name, "motion", "route", "road")
+        if poses and road is not None and road.plain is True:
+            against = _against_traffic(town, poses[0], poses[min(len(poses) - 1, 10)])
+            if against is not None:
+                place = base.place_of("sensors", sensor.name, "mount")
+                yield Problem(f"sensors.{sensor.name}: it sets out {against[0]}", place, against[1], Code.PLACEMENT)
         for frame, pose in enumerate(sensor.poses):
             ground = town.ground(pose.x, pose.y) if sensor.on is None else 0.0
             if pose.z <= ground:

@@ -192,6 +192,7 @@ class Lowering:
         given = [actor for actor in actors if actor.name in base.actors and base.actors[actor.name].start is not None]
         self.warnings += lint.of_starts(variant.base, given, town)
         self.warnings += lint.of_goals(variant.base, base.actors, town)
+        self.warnings += lint.of_directions(variant.base, base.actors, actors, town)
         self.warnings += plausibility.of_speeds(variant.base, actors)
         routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors, self._work)
         actors = routes.planned()

@@ -44,7 +44,7 @@ def test_a_start_in_another_body_causes_a_warning(one: dict[str, Any], other: di
     ("one", "other"),
     [
         (at(-4, 3), at(-4, 3.6)),  # side by side
-        (at(-1.5, 0, 90, "vehicle.sedan.a"), at(1.5, 0, 270, "vehicle.bus.city")),  # in the two lanes
+        (at(-1.5, 0, 270, "vehicle.sedan.a"), at(1.5, 0, 90, "vehicle.bus.city")),  # in the two lanes
         (at(0, 0, 90, "vehicle.sedan.a"), at(0, 5.2, 90, "vehicle.sedan.a")),  # in a queue
         (at(0, 0, 90, "vehicle.bus.city"), at(2.0, 4.5)),
     ],
@@ -82,6 +82,27 @@ def test_a_camera_that_is_too_far_from_the_town_to_see_it_causes_a_warning() -> 
     approach = {"mount": {"x": -1150, "z": 40}, "motion": {"linear": {"to": {"x": -900}, "speed": 60}}}
     recipe["base"]["sensors"]["street"] |= approach
     assert compiled(recipe).warnings == ()
+
+
+@pytest.mark.parametrize(("x", "wrong", "right"), [(-1.6, 90, -90), (1.6, -90, 90)])
+def test_a_random_route_against_the_traffic_causes_a_warning(x: float, wrong: float, right: float) -> None:
+    (message,) = warned({"car": at(x, 0, wrong, "vehicle.sedan.a")})
+    assert message.startswith(
+        f"actors.car.start.yaw: with {wrong}, it sets out against the traffic on this side of the"
+    )
+    assert message.endswith(f"street, whose yaw is {right}; write yaw: {right}, or leave it out")
+    assert warned({"car": at(x, 0, right, "vehicle.sedan.a")}) == []
+    assert warned({"car": at(x, 0, wrong, "vehicle.sedan.a") | {"goal": {"x": x, "y": 0.3 * wrong}}}) == []
+
+
+@pytest.mark.parametrize(("yaw", "count"), [(0, 1), (90, 1), (-90, 0)])
+def test_a_camera_along_a_road_against_the_traffic_causes_a_warning(yaw: float, count: int) -> None:
+    """The yaw of a mount is 0 if it is absent, which is across this street."""
+    recipe = small(clock={"fps": 10, "frames": 10}, actors={})
+    mount = {"x": -1.6, "y": 0, "z": 1.5, "yaw": yaw}
+    recipe["base"]["sensors"]["street"] |= {"mount": mount, "motion": {"route": {"road": True, "speed": 8}}}
+    messages = [str(warning) for warning in compiled(recipe).warnings]
+    assert len(messages) == count and all("it sets out against the traffic" in message for message in messages)
 
 
 def test_a_camera_in_a_house_causes_a_warning() -> None:

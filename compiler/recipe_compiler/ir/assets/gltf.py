@@ -27,8 +27,8 @@ from recipe_compiler.ir.assets.geometry import (
     Floats,
     Raw,
     check_count,
-    cross,
 )
+from recipe_compiler.ir.assets.matrices import IDENTITY, Matrix, composed, mirrors, moved, turned
 from recipe_compiler.ir.assets.names import slot_names
 
 MAX_JSON = 8 << 20
@@ -45,7 +45,6 @@ _READ = {
 _CLAMP, _REPEAT = 33071, 10497
 
 JsonObject = Mapping[str, object]  # of the glTF document
-Matrix = tuple[tuple[float, ...], ...]  # 3 x 4
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ class _Document:
         """Return the meshes of the scene, each with its transform."""
         nodes = _list(self._json.get("nodes", []))
         check_count(len(nodes), "nodes", MAX_NODES)
-        waiting: list[tuple[object, Matrix]] = [(index, _IDENTITY) for index in reversed(self._roots(len(nodes)))]
+        waiting: list[tuple[object, Matrix]] = [(index, IDENTITY) for index in reversed(self._roots(len(nodes)))]
         seen: set[int] = set()
         while waiting:
             index, above = waiting.pop()
@@ -158,7 +157,7 @@ class _Document:
             seen.add(index)
             if "skin" in node:
                 raise AssetError("has a skin (skeleton), which is not supported; apply its pose, then export it")
-            matrix = _composed(above, _local(node))
+            matrix = composed(above, _local(node))
             if "mesh" in node:
                 yield self._index("meshes", node["mesh"]), matrix
             waiting += [(child, matrix) for child in reversed(_list(node.get("children", [])))]
@@ -208,9 +207,9 @@ class _Document:
             triangles = rows.astype(np.int64).reshape(-1, 3)
             yield Raw(
                 material.slot,
-                _moved(points, matrix),
-                triangles[:, ::-1] if _mirrors(matrix) else triangles,
-                None if normals is None else _turned(normals, matrix),
+                moved(points, matrix),
+                triangles[:, ::-1] if mirrors(matrix) else triangles,
+                None if normals is None else turned(normals, matrix),
                 uvs,
                 material.colour,
                 material.picture if uvs is not None else None,
@@ -356,11 +355,6 @@ def _whole(value: object) -> int:
     return value
 
 
-# Matrices, by products and sums in a fixed order
-
-_IDENTITY: Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
-
-
 def _local(node: JsonObject) -> Matrix:
     if "matrix" in node:
         m = _numbers(node["matrix"], 16)
@@ -384,26 +378,3 @@ def _numbers(values: object, count: int) -> list[float]:
     if len(found) != count or not all(abs(value) <= 1e6 for value in found):
         raise AssetError(f"a node's transform is not {count} finite numbers within the limits; export it again")
     return found
-
-
-def _composed(a: Matrix, b: Matrix) -> Matrix:
-    return tuple(
-        tuple(r[0] * b[0][c] + r[1] * b[1][c] + r[2] * b[2][c] + (r[3] if c == 3 else 0.0) for c in range(4)) for r in a
-    )
-
-
-def _moved(points: Floats, m: Matrix) -> Floats:
-    return np.stack([points[:, 0] * r[0] + points[:, 1] * r[1] + points[:, 2] * r[2] + r[3] for r in m], axis=-1)
-
-
-def _turned(normals: Floats, m: Matrix) -> Floats:
-    """Transform normals by the cofactor matrix, so that they stay perpendicular under scaling and mirroring."""
-    rows = np.array([r[:3] for r in m])
-    c = cross(rows[[1, 2, 0]], rows[[2, 0, 1]]) * (-1.0 if _mirrors(m) else 1.0)
-    return np.stack([normals[:, 0] * r[0] + normals[:, 1] * r[1] + normals[:, 2] * r[2] for r in c], axis=-1)
-
-
-def _mirrors(m: Matrix) -> bool:
-    a, b, c = m
-    first = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
-    return a[0] * first[0] + a[1] * first[1] + a[2] * first[2] < 0.0
