@@ -25,7 +25,7 @@ def problem_of(error: click.ClickException) -> Problem:
     """Return the problem of a wrong command line, with a remedy or a reference to the help."""
     from recipe_compiler.ir.errors import Code, Problem
 
-    message = error.format_message().rstrip(".")
+    message = " ".join(error.format_message().split()).rstrip(".")
     for theirs, ours in _REWORDED:
         message = re.sub(f"{theirs}\\Z", ours, message)
     if not message[1:2].isupper():

@@ -89,6 +89,8 @@ def test_a_url_with_one_slash_is_refused(project: Path, monkeypatch: pytest.Monk
         (("check", ""), "invalid value for 'RECIPES...': it is empty", "give a path, or . for"),
         (("shot", "mine.yaml", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
         (("build", "mine.yaml", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
+        (("import",), "missing argument 'FORMAT'. Choose from: carla", "see `recipe import"),
+        (("import", "a.yaml"), "invalid value for 'FORMAT': 'a.yaml' is not 'carla'", "see `recipe import"),
         (("surfaces", "plaza", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
     ],
 )

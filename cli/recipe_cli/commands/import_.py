@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @click.command("import")
-@click.argument("form", type=click.Choice(["carla"]))
+@click.argument("form", metavar="FORMAT", type=click.Choice(["carla"]))
 @click.argument(
     "configs", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=completion.files(".yaml", ".yml")
 )
@@ -33,7 +33,7 @@ def command(
 ) -> None:
     """Convert each configuration of CARLA's data collector among CONFIGS to a recipe, and report every key.
 
-    Files with only weather parameters become variants. Files with neither actors nor weather contain settings for all
+    FORMAT is `carla`. Files with only weather parameters become variants. Files with neither actors nor weather contain settings for all
     configurations.
     """
     from recipe_compiler import carla
