@@ -30,7 +30,7 @@ from recipe_compiler.schema.scene import Actor
 from recipe_compiler.schema.tick import interval_of
 
 _BOXES = 0.45  # share of the elements of a town that shorten arms, at most
-_MOTION, _MAX_MOMENTS = 0.1, 96.0  # of a picture between two frames, widths; of motion blur
+_MOTION, _MAX_MOMENTS = 0.5, 96.0  # of a picture, widths per second; of motion blur
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
 
@@ -103,7 +103,7 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
             base.clock.frames if s.motion != Motion() else 1,
             s.motion == Motion() and s.mount.on is None,
             s.camera.bloom_intensity > 0.0,
-            _moments(s.camera, s.camera.width, base.clock.fps),
+            _moments(s.camera, s.camera.width),
             interval_of(s.tick, base.clock.fps),
             round(elements * _BOXES) if arms.is_shortened(s) else 0,
             arms.earlier_frames(s, base.clock.fps),
@@ -159,11 +159,11 @@ class _Shutter(Protocol):
     def shutter_speed(self) -> float: ...
 
 
-def _moments(camera: _Shutter, width: int, fps: int) -> float:
+def _moments(camera: _Shutter, width: int) -> float:
     """Return how many moments of the exposure motion blur averages for a sample, if the picture moves by `_MOTION`."""
     if camera.motion_blur_intensity == 0.0:
         return 0.0
-    length = min(camera.motion_blur_intensity * fps / camera.shutter_speed * _MOTION, camera.motion_blur_max_distortion)
+    length = min(camera.motion_blur_intensity / camera.shutter_speed * _MOTION, camera.motion_blur_max_distortion)
     return min(max(length * width, 1.0), _MAX_MOMENTS)
 
 
@@ -190,7 +190,7 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
             len(s.poses),
             len(s.poses) == 1 and s.on is None,
             responses[s.name].bloom_intensity > 0.0,
-            _moments(responses[s.name], s.camera.width, clock.fps),
+            _moments(responses[s.name], s.camera.width),
             s.interval,
             0 if s.arm is None else len(s.arm.obstacles),
             0 if s.arm is None else history(s.arm.decay),
