@@ -63,8 +63,8 @@ class Scenes:
         self._patched: OrderedDict[tuple[str, ...], RetexturedFrame] = OrderedDict()
         self._release: Callable[[], object] | None = None
 
-    def __getstate__(self) -> dict[str, Any]:
-        empty: dict[str, Any] = {name: OrderedDict() for name in ("_sources", "_observations", "_patched")}
+    def __getstate__(self) -> dict[str, object]:
+        empty: dict[str, object] = {name: OrderedDict() for name in ("_sources", "_observations", "_patched")}
         return {**self.__dict__, **empty, "_release": None}
 
     def close(self) -> None:
@@ -220,7 +220,7 @@ class Scenario(Sequence[Frame]):
         sensor: str | None = None,
         modality: str = "rgb",
         *,
-        textures: Mapping[str, Any] | None = None,
+        textures: Mapping[str, object] | None = None,
     ) -> NDArray[np.generic]:
         """Render one modality of a frame, equal to that of a build.
 

@@ -33,8 +33,8 @@ def command(
 ) -> None:
     """Convert each configuration of CARLA's data collector among CONFIGS to a recipe, and report every key.
 
-    FORMAT is `carla`. Files with only weather parameters become variants. Files with neither actors nor weather contain settings for all
-    configurations.
+    FORMAT is `carla`. Files with only weather parameters become variants. Files with neither actors nor weather contain
+    settings for all configurations.
     """
     from recipe_compiler import carla
 

@@ -60,7 +60,7 @@ def differentiable_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan
     return found
 
 
-def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, Any]) -> dict[str, NDArray[np.uint8]]:
+def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, object]) -> dict[str, NDArray[np.uint8]]:
     """Return textures by the name of their patch, uint8 [h, w, 3] sRGB; see `as_array` for what is accepted.
 
     Raises:
@@ -73,7 +73,7 @@ def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, Any]) -> di
     return {name: as_image(name, array) for name, array in found.items()}
 
 
-def as_image(name: str, texture: Any) -> NDArray[np.uint8]:
+def as_image(name: str, texture: object) -> NDArray[np.uint8]:
     """Return a patch's texture as uint8 [h, w, 3]; floats from 0 to 1 are rounded, halves up.
 
     Raises:
@@ -86,7 +86,7 @@ def as_image(name: str, texture: Any) -> NDArray[np.uint8]:
     return image
 
 
-def as_image_of_size(name: str, texture: Any, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+def as_image_of_size(name: str, texture: object, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """Return a patch's texture as `as_image` does.
 
     Raises:
@@ -97,7 +97,7 @@ def as_image_of_size(name: str, texture: Any, shape: tuple[int, ...]) -> NDArray
     return image
 
 
-def as_array(name: str, texture: Any) -> NDArray[Any]:
+def as_array(name: str, texture: object) -> NDArray[np.generic]:
     """Return a patch's texture as an array [h, w, 3] of uint8, or of floats, whose range is not checked.
 
     Args:
@@ -145,7 +145,7 @@ def as_values(name: str, texture: Texture, shape: tuple[int, ...]) -> Values:
     return values / 255.0 if given.dtype == np.uint8 else values
 
 
-def as_gradient(name: str, gradient: Any, shape: tuple[int, ...]) -> Values:
+def as_gradient(name: str, gradient: object, shape: tuple[int, ...]) -> Values:
     """Return the gradient of a picture that shows a patch, float64 [H, W, 3].
 
     Values may be infinite or NaN: mixed-precision training detects these in the result.
@@ -170,7 +170,7 @@ def as_gradient(name: str, gradient: Any, shape: tuple[int, ...]) -> Values:
     return values.astype(np.float64, copy=False)
 
 
-def _channels_last(what: str, given: Any) -> NDArray[Any]:
+def _channels_last(what: str, given: Any) -> NDArray[np.generic]:
     """Return an array as it is, and a tensor [3, h, w] or [1, 3, h, w] as an array [h, w, 3]; `what` is for messages.
 
     Raises:
@@ -182,7 +182,7 @@ def _channels_last(what: str, given: Any) -> NDArray[Any]:
             given = given[0]
         given = np.moveaxis(given, 0, -1) if given.ndim == 3 else given
     try:
-        values: NDArray[Any] = np.asarray(given)
+        values: NDArray[np.generic] = np.asarray(given)
     except ValueError as error:  # lists of unequal lengths
         raise InputError(f"{what} is not an array: {error}") from None
     return values
@@ -197,7 +197,7 @@ def _check_shape(name: str, given: tuple[int, ...], wanted: tuple[int, ...]) -> 
         )
 
 
-def _within(name: str, values: NDArray[Any]) -> NDArray[Any]:
+def _within(name: str, values: NDArray[np.generic]) -> NDArray[np.generic]:
     """Return a texture; raise InputError if it has floats outside 0 to 1."""
     if values.dtype != np.uint8 and (values.min() < 0.0 or values.max() > 1.0):
         raise InputError(

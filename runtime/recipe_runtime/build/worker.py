@@ -169,7 +169,12 @@ class _FrameTask:
         return {**labels, "digests": digests, "rgb": rgb, "files": files}
 
     def _write(
-        self, files: dict[str, FileRow], modality: str, frame: int, array: NDArray[Any], variants: tuple[int, ...]
+        self,
+        files: dict[str, FileRow],
+        modality: str,
+        frame: int,
+        array: NDArray[np.generic],
+        variants: tuple[int, ...],
     ) -> None:
         depth, names = self.job.dataset.depth, [self.job.dataset.variants[i].variant for i in variants]
         paths = [layout.frame_file(name, self.view.sensor.name, modality, frame, depth) for name in names]

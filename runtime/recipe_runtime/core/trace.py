@@ -61,7 +61,7 @@ class Trace:
     mapping: mmap.mmap | None = None  # the file that the arrays are views of
     contacts: tuple[ContactEvent, ...] | None = None  # in the order of their start; None if they are not known
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return _restored, (self.to_bytes(), self.contacts)
 
     @property
@@ -291,7 +291,7 @@ def _views(
     return Trace(actors, parts, positions, rotations, linear, angular, mapping)
 
 
-def _count(names: Any) -> int:
+def _count(names: object) -> int:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise ValueError("the Trace's parts or actors are no list of names")
     return len(names)

@@ -147,7 +147,7 @@ class SceneSource:
             made: PatchedFrame = renderer.patched_frame(seen, appearance, sensor.name, frame, time, **blur)
         return made
 
-    def _blur_from(self, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> dict[str, Any]:
+    def _blur_from(self, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> dict[str, object]:
         """Return the neighbour that motion blur takes the motion from, as an argument; empty without motion blur."""
         response = appearance.responses.get(sensor.name)
         if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:

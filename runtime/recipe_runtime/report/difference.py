@@ -112,10 +112,10 @@ def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
     return list(files)
 
 
-def _alike(a: NDArray[Any], b: NDArray[Any]) -> bool:
+def _alike(a: NDArray[np.generic], b: NDArray[np.generic]) -> bool:
     return a.shape == b.shape and a.dtype == b.dtype
 
 
-def _differs(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+def _differs(a: NDArray[np.generic], b: NDArray[np.generic]) -> NDArray[np.bool_]:
     different = np.asarray(a != b)
     return np.asarray(different.any(axis=-1)) if different.ndim == 3 else different

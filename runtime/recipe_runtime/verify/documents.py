@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from recipe_compiler.ir.plurals import count
 
 
-def walk(ours: Any, theirs: Any, path: str) -> Iterator[str]:
+def walk(ours: object, theirs: object, path: str) -> Iterator[str]:
     """Yield the fields in which two documents differ, with both values; named items of lists are matched by name."""
     if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
         for key in [*ours, *(key for key in theirs if key not in ours)]:
@@ -31,14 +30,14 @@ def walk(ours: Any, theirs: Any, path: str) -> Iterator[str]:
         yield f"{path}: {_short(ours)} and {_short(theirs)}"
 
 
-def _pair(ours: Mapping[str, Any], theirs: Mapping[str, Any], key: str, path: str) -> Iterator[str]:
+def _pair(ours: Mapping[str, object], theirs: Mapping[str, object], key: str, path: str) -> Iterator[str]:
     if key not in ours or key not in theirs:
         yield f"{path} is in the {'first' if key in ours else 'second'} only"
     else:
         yield from walk(ours[key], theirs[key], path)
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     """Return a value in the notation of a recipe, shortened."""
     text = value if isinstance(value, str) else "nothing" if value is None else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -23,7 +23,7 @@ def zeros(count: int, kind: Any, device: str) -> DeviceArray:
     return wp.array(np.zeros(count, wp.dtype_to_numpy(kind)), dtype=kind, device=device, copy=False)
 
 
-def set_fields(struct: Struct, /, **fields: Any) -> Struct:
+def set_fields(struct: Struct, /, **fields: object) -> Struct:
     """Set fields of a struct by name, in place; numbers and arrays are converted to the fields' types.
 
     Returns:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from recipe_runtime.render.device import compiled
 from recipe_runtime.render.device.setup import BLOCK_SIZE, wp
 
-_loaded: set[tuple[Any, str]] = set()  # modules, with the devices they were loaded for
-_parameters: dict[Any, tuple[str, ...]] = {}  # by kernel, in the order of its declaration
+_loaded: set[tuple[object, str]] = set()  # modules, with the devices they were loaded for
+_parameters: dict[wp.Kernel, tuple[str, ...]] = {}  # by kernel, in the order of its declaration
 
 
-def launch(kernel: Any, threads: int, device: str, /, **arguments: Any) -> None:
+def launch(kernel: wp.Kernel, threads: int, device: str, /, **arguments: object) -> None:
     """Run a kernel with a number of threads; arrays among its arguments are read and written in place.
 
     Args:

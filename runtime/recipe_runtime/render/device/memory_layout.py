@@ -68,7 +68,7 @@ class MemoryLayout:
         """Allocate blocks of zeros, [count, size]."""
         return np.zeros((count, self.size), np.uint8)
 
-    def put(self, rows: NDArray[np.uint8], name: str, values: NDArray[Any], offset: int = 0) -> None:
+    def put(self, rows: NDArray[np.uint8], name: str, values: NDArray[np.generic], offset: int = 0) -> None:
         """Write values [count, ...] as float32 into an array of all rows, at a byte offset in it."""
         start = self._fields[name].offset + offset
         flat = values.reshape(len(rows), -1).astype(np.float32)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +92,7 @@ class FrameStream:
         self._burning = any(look.light.lamps_burn for look in looks)
         self._lamp_shadows = LampShadowMaps(geometry, device)
         self._responses: dict[int, tuple[float, Response]] = {}  # by appearance, with the light of lamps
-        self._maps: list[Any] = []  # static shadow maps that frames in flight may read
+        self._maps: list[object] = []  # static shadow maps that frames in flight may read
         self._recorded = [RecordedFrame(self._setup) for _ in range(in_flight)]
 
     def frames(self, batch: FrameBatch) -> Iterator[RenderedFrame]:
@@ -154,7 +153,7 @@ class FrameStream:
             wp.synchronize_stream(wp.get_stream(self._device))  # static shadows are drawn there
         return rows
 
-    def _put_lamps(self, rows: NDArray[np.uint8], world: Array, poses: Array) -> list[Any]:
+    def _put_lamps(self, rows: NDArray[np.uint8], world: Array, poses: Array) -> list[object]:
         """Put the lamps into rows; the frames must hold references to the static maps that are returned."""
         put, put_records = self._setup.layout.put, self._setup.layout.put_records
         columns, slots = lights.lamp_columns(self._g, world, poses)
@@ -162,16 +161,16 @@ class FrameStream:
             put(rows, f"lamps {name}", column)
         for name, column in zip(MAP_NAMES, slots.columns, strict=True):
             put(rows, f"lamp maps {name}", column)
-        held: list[Any] = []
+        held: list[object] = []
         for row, frame in zip(rows, slots.by_frame(), strict=True):
             static = self._lamp_shadows.static_maps(frame)
             put_records(row, "lamp maps static", static)
             held += static
         return held
 
-    def _put_beams(self, row: NDArray[np.uint8], pose: Array) -> list[Any]:
+    def _put_beams(self, row: NDArray[np.uint8], pose: Array) -> list[object]:
         """Put the shadow maps of a pose into a row; the frame must hold references to the static maps."""
-        held: list[Any] = []
+        held: list[object] = []
         for n, sun in enumerate(self._setup.suns):
             static = self._shadows.static(sun, pose[:, 3])
             held += static

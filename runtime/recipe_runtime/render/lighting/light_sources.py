@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, field
-from typing import Any
 from weakref import WeakKeyDictionary
 
 from recipe_runtime.core.timings import Timings
@@ -38,7 +37,7 @@ class TiledLights:
 class _Cached:
     """The light sources computed so far for one observation."""
 
-    moving_beams: dict[bytes, list[Any]] = field(default_factory=dict)  # by the sun's direction
+    moving_beams: dict[bytes, list[object]] = field(default_factory=dict)  # by the sun's direction
     nearby: dict[bool, TiledLights] = field(default_factory=dict)  # by whether lamps burn
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from recipe_compiler.ir.patches import STATIC, PatchFace, PatchPlan
@@ -42,7 +41,7 @@ def patch_structs(
         frame: The frame's number.
         device: The Warp device.
     """
-    columns = {
+    columns: dict[object, dict[str, object]] = {
         wp.int32: {**_by_surface(geometry, patches), **_integers(geometry, patches, numbers, frame)},
         wp.float32: _scalars(patches),
         wp.vec3f: _vectors(patches),
@@ -64,7 +63,7 @@ def patch_shapes(geometry: Geometry, patches: Sequence[PatchPlan], device: str) 
     return patch_structs(geometry, patches, {image: -1 for image in images if image is not None}, 0, device)
 
 
-def _by_surface(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, Any]:
+def _by_surface(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, object]:
     """Return the patches on each surface, from the lowest to the topmost."""
     entries = [
         [k for k, p in enumerate(patches) if key.body == p.body and (not p.slots or key.slot in p.slots)]
@@ -75,7 +74,7 @@ def _by_surface(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, A
 
 def _integers(
     geometry: Geometry, patches: Sequence[PatchPlan], numbers: Mapping[TexturePlan, int], frame: int
-) -> dict[str, Any]:
+) -> dict[str, object]:
     textures = [texture_of(patch, frame) for patch in patches]
     return {
         "first_face": np.cumsum([0, *(len(patch.faces) for patch in patches)]),
@@ -85,7 +84,7 @@ def _integers(
     }
 
 
-def _scalars(patches: Sequence[PatchPlan]) -> dict[str, Any]:
+def _scalars(patches: Sequence[PatchPlan]) -> dict[str, object]:
     return {
         "emission": [patch.emission * _RADIANCE for patch in patches],
         "coat": [_COAT if patch.gloss > 0.0 else 0.0 for patch in patches],
@@ -94,7 +93,7 @@ def _scalars(patches: Sequence[PatchPlan]) -> dict[str, Any]:
     }
 
 
-def _vectors(patches: Sequence[PatchPlan]) -> dict[str, Any]:
+def _vectors(patches: Sequence[PatchPlan]) -> dict[str, object]:
     faces = [face for patch in patches for face in patch.faces]
     return {
         "colour": [linear_colour(patch.shown.colour or "#ffffff") for patch in patches],

@@ -148,7 +148,7 @@ class _Packer:
         self.vertex_count = 0
         self.triangle_count = 0
         self.chunk_count = 0
-        self._chunks: dict[str, list[NDArray[Any]]] = {}
+        self._chunks: dict[str, list[NDArray[np.generic]]] = {}
         self._surfaces: dict[SurfaceKey, int] = {}
         self._lights: list[MountedLight] = []
 
@@ -232,7 +232,7 @@ class _Packer:
         self._put("chunk_halves", (high - low) * np.float32(0.5))
         self.chunk_count += len(starts)
 
-    def _put(self, column: str, values: NDArray[Any]) -> None:
+    def _put(self, column: str, values: NDArray[np.generic]) -> None:
         self._chunks.setdefault(column, []).append(np.ascontiguousarray(values))
 
     def _number(self, body: Body, mesh: Mesh, row: int, actor: int) -> int:
@@ -241,7 +241,7 @@ class _Packer:
         return self._surfaces.setdefault(key, len(self._surfaces))
 
 
-def _box(vertices: NDArray[Any]) -> NDArray[np.float64]:
+def _box(vertices: NDArray[np.generic]) -> NDArray[np.float64]:
     return np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
 
 
