@@ -17,6 +17,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("source", "library"),
         ("schema",),
         ("expand", "limits"),
+        ("compile_guard",),
         ("checks",),
         ("lowering",),
         ("carla", "compile"),

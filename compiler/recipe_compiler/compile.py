@@ -14,9 +14,10 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from recipe_compiler import expand, limits
+from recipe_compiler import compile_guard, expand, limits
 from recipe_compiler.checks.check import Checker, check_deltas, check_removals
 from recipe_compiler.checks.findings import Findings
+from recipe_compiler.compile_guard import CompileGuard
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
 from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
@@ -73,9 +74,9 @@ def compile_recipe(
         InputError: with all problems of the recipe.
         TooLargeError: the recipe exceeds the limits and `allow_large` is not set; raised before any plan is created.
     """
-    sources = merge.read(path)
+    guard, sources = CompileGuard(unlimited=allow_large), merge.read(path)
     try:
-        compiled = _compile(path, sources, allow_large, free_disk, memory)
+        compiled = _compile(path, sources, guard, allow_large, free_disk, memory)
     except InputError as error:
         error.with_source(sources.lines)
         raise
@@ -83,7 +84,12 @@ def compile_recipe(
 
 
 def _compile(
-    path: Path, sources: merge.Sources, allow_large: bool, free_disk: int | None, memory: limits.Memory | None
+    path: Path,
+    sources: merge.Sources,
+    guard: CompileGuard,
+    allow_large: bool,
+    free_disk: int | None,
+    memory: limits.Memory | None,
 ) -> Compiled:
     problems = list(sources.problems)
     root = sources.root
@@ -101,32 +107,17 @@ def _compile(
         problems += [*asset_problems, *_check_variants_in_part(root, kinds, rules)]
         raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
     problems += asset_problems
-    loads: list[limits.Load] = []
-    found = Findings()
-    checked: list[tuple[Variant, Base]] = []
-    changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
-    sizes = workload.sizes_of(assets)
-    variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
-    for variant, base in _check_variants(root, variants, _kinds(recipe), found):
-        if base is None:
-            continue
-        checked.append((variant, base))
-        loads.append(workload.estimated(variant, base, changes, sizes))
-        if len(loads) in _EARLY_CHECKS and not allow_large:
-            limit_error = _compile_limit_error(root, loads, expand.count(axes, recipe.sweep))
-            if limit_error and not problems and not found.total:
-                raise limit_error
-            if limit_error:
-                break
+    found, sizes = Findings(), workload.sizes_of(assets)
+    checked, loads = _checked(root, recipe, axes, sizes, guard, allow_large, bool(problems), found)
     problems += found.problems()
     if problems:
         raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
     estimate = limits.total(loads, recipe.output.depth)
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
-        raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
+        raise limits.TooLargeError(compile_guard.place_of_size(root, estimate), estimate, reasons)
     lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
-    plans, warnings = _lowered(lowering, checked, root, estimate)
+    plans, warnings = _lowered(lowering, checked, root, estimate, guard)
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -139,6 +130,50 @@ def _compile(
     warnings = _sorted(clashes, plausibility.of_weather(root), warnings)
     files = dict(sorted(sources.files.items()))
     return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
+
+
+def _checked(
+    root: Value,
+    recipe: Recipe,
+    axes: Axes,
+    sizes: workload.AssetSizes,
+    guard: CompileGuard,
+    allow_large: bool,
+    is_faulty: bool,
+    found: Findings,
+) -> tuple[list[tuple[Variant, Base]], list[limits.Load]]:
+    """Check all variants, and estimate their cost.
+
+    Args:
+        root: the recipe, as text with places.
+        recipe: its model.
+        axes: the axes of its sweep.
+        sizes: the sizes of its assets.
+        guard: measures the cost of compiling.
+        allow_large: ignore the limits.
+        is_faulty: whether the recipe has problems already, which are reported in place of an excess.
+        found: receives the problems.
+
+    Raises:
+        TooLargeError: compiling the variants exceeds the limits, and the recipe has no problems.
+    """
+    checked: list[tuple[Variant, Base]] = []
+    loads: list[limits.Load] = []
+    changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
+    variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
+    for variant, base in _check_variants(root, variants, _kinds(recipe), found):
+        if base is None:
+            continue
+        checked.append((variant, base))
+        loads.append(workload.estimated(variant, base, changes, sizes))
+        excess = guard.excess(len(loads))
+        if excess or (len(loads) in _EARLY_CHECKS and not allow_large):
+            limit_error = compile_guard.compile_limit_error(root, loads, expand.count(axes, recipe.sweep), excess)
+            if limit_error and not is_faulty and not found.total:
+                raise limit_error
+            if limit_error:
+                break
+    return checked, loads
 
 
 def _cost(plans: Sequence[ScenarioPlan], depth: str, sizes: workload.AssetSizes, estimate: limits.Cost) -> limits.Cost:
@@ -166,7 +201,11 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
 
 
 def _lowered(
-    lowering: Lowering, checked: Sequence[tuple[Variant, Base]], root: Value, estimate: limits.Cost
+    lowering: Lowering,
+    checked: Sequence[tuple[Variant, Base]],
+    root: Value,
+    estimate: limits.Cost,
+    guard: CompileGuard,
 ) -> tuple[list[ScenarioPlan], list[Problem]]:
     """Lower all variants to plans.
 
@@ -175,13 +214,17 @@ def _lowered(
 
     Raises:
         InputError: with the problems of all variants.
+        TooLargeError: compiling takes too long, or too much memory.
     """
     plans, wrong, warnings = [], Findings(), Findings()
-    for variant, base in checked:
+    for number, (variant, base) in enumerate(checked):
+        excess = guard.excess(number)
+        if excess:
+            raise limits.TooLargeError(compile_guard.place_of_size(root, estimate), estimate, [excess])
         try:
             plan = lowering.scenario(variant, base)
         except TooMuchWorkError:
-            raise _too_much_planning(root, estimate) from None
+            raise compile_guard.too_much_planning(root, estimate) from None
         wrong.add(lowering.problems, variant)
         warnings.add(lowering.warnings, variant)
         lowering.problems.clear()
@@ -293,30 +336,6 @@ def _check_variants_in_part(
         if found.total > _MAX_PROBLEMS:
             break
     return found.problems()
-
-
-def _place_of_size(root: Value, cost: limits.Cost) -> Place:
-    """Return the place of the number that contributes most to the size of a recipe over the limits."""
-    if cost.over_to_compile() or cost.variants * cost.variants > cost.frames:
-        for path in (("sweep", "repeats"), ("sweep", "draw", "count"), ("deltas",), ("base", "traffic")):
-            if root.get(*path):
-                return root.place_of(*path)
-    return root.place_of("base", "clock", "frames")
-
-
-def _compile_limit_error(root: Value, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
-    """Return the error to raise if compiling the variants so far already exceeds the limits, or None."""
-    estimate = limits.total(loads, "carla")  # the form of depth does not affect the cost of compiling
-    reasons = estimate.over_to_compile()
-    if reasons:
-        reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
-    cost = dataclasses.replace(estimate, variants=variants)
-    return limits.TooLargeError(_place_of_size(root, cost), cost, reasons) if reasons else None
-
-
-def _too_much_planning(root: Value, estimate: limits.Cost) -> limits.TooLargeError:
-    place = root.place_of("base", "actors") if root.get("base", "actors") else root.place_of("base", "traffic")
-    return limits.TooLargeError(place, estimate, ["planning the routes of its pedestrians takes too long"])
 
 
 def _check_variants(

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from recipe_compiler import compile as compiler
-from recipe_compiler import limits
+from recipe_compiler import compile_guard, limits
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
 from recipe_compiler.ir.errors import InputError
@@ -55,6 +55,19 @@ def test_a_large_recipe_requires_allow_large(tmp_path: Path) -> None:
         compile_recipe(path)
     assert caught.value.cost.frames == 120_000
     assert compile_recipe(path, allow_large=True).cost.frames == 120_000
+
+
+@pytest.mark.parametrize(("limit", "reason"), [("SECONDS", "s of processor time"), ("BYTES", "of memory")])
+def test_compiling_ends_where_it_takes_far_more_than_estimated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, reason: str
+) -> None:
+    """No estimate is right for every recipe: one of 25 KB took 20 minutes to check."""
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(small() | {"sweep": {"repeats": 3}}))
+    monkeypatch.setattr(compile_guard, limit, -1.0)
+    with pytest.raises(TooLargeError, match=rf"compiling \d of the variants has taken .*{reason}, over"):
+        compile_recipe(path)
+    assert len(compile_recipe(path, allow_large=True).plan.variants) == 3
 
 
 def test_half_the_free_disk_is_a_limit(tmp_path: Path) -> None:
