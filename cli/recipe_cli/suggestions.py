@@ -30,6 +30,24 @@ def nearest_place(path: Path) -> str | None:
     return found or _respelt(path)
 
 
+def check_exists(target: Path | str) -> None:
+    """Check that a lockfile or dataset exists; the compiler reports a missing recipe.
+
+    Raises:
+        InputError: it does not exist.
+    """
+    from recipe_compiler.ir.errors import Code, InputError
+
+    if not isinstance(target, Path) or target.exists() or target.suffix not in ("", ".lock"):
+        return
+    near = url_with_one_slash(str(target)) or nearest_place(target)
+    what, remedy = "dataset folder", "`recipe build` makes one, in datasets/NAME; or name a recipe or a lockfile"
+    if target.suffix:
+        what, remedy = "lockfile", "`recipe lock RECIPE` writes one"
+    remedy = f"did you mean {near}?" if near else remedy
+    raise InputError(f"{target}: there is no such {what}", help=remedy, code=Code.FILE_NOT_FOUND)
+
+
 def _respelt(path: Path) -> str | None:
     """Return the path with its first missing part replaced by the most similar name; None unless the result exists."""
     folder = Path(path.anchor)

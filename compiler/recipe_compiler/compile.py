@@ -34,6 +34,7 @@ from recipe_compiler.source import merge
 from recipe_compiler.source.yaml_reader import Value, show
 
 _CHECKED_SEPARATELY = {"base", "deltas"}
+_CARLA_KEYS = {"carla", "spawn_actors"}  # of configurations of CARLA's data collector
 _EARLY_CHECKS = {100, 300, 1000, 3000}  # numbers of variants after which the compile cost so far is checked
 _MAX_PROBLEMS = 1000  # of all variants; further variants are neither checked nor lowered
 
@@ -266,6 +267,8 @@ def _check_recipe(root: Value, problems: list[Problem]) -> tuple[Recipe, set[str
             options = [*Recipe.model_fields, *_CHECKED_SEPARATELY]
             of_base = f"it is a key of `base`: indent it below `base:`, as `  {key}:`"
             remedy = of_base if key in Base.model_fields else nearest(key, sorted(options))
+            if key in _CARLA_KEYS:
+                remedy = "`recipe import carla` writes the recipe of a configuration of CARLA's data collector"
             problems.append(Problem(f"unknown key {show(key)}", root.key_place(key), remedy, Code.UNKNOWN_KEY))
     base = root.get("base")
     if base is None or not isinstance(base.data, dict):

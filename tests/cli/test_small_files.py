@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel, model_serializer
-from recipe_cli.commands import build, check, export, init, lock, schema, shot
+from recipe_cli.commands import build, check, diff, export, init, lock, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 
@@ -134,6 +134,13 @@ def test_a_missing_target_of_verify_has_a_fitting_remedy(tmp_path: Path) -> None
     ):
         done = run_here("verify", target, cwd=tmp_path)
         assert done.returncode == 2 and remedy in done.stderr
+
+
+def test_a_missing_dataset_of_diff_has_a_fitting_remedy(tmp_path: Path) -> None:
+    """Regression: the remedy for a dataset that is not built yet was `recipe init`."""
+    missing = str(tmp_path / "datasets" / "mine")
+    with pytest.raises(InputError, match="datasets/mine: there is no such dataset folder; `recipe build` makes one"):
+        CliRunner().invoke(diff.command, [missing, missing], catch_exceptions=False)
 
 
 def test_a_map_of_an_unknown_town_names_the_towns(tmp_path: Path) -> None:

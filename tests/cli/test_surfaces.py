@@ -35,6 +35,15 @@ def test_a_town_lists_its_surfaces_with_sizes_and_places() -> None:
     assert "9.00 x 2.23" in lines[1] and "at x 9.0, y 2.2, facing yaw 180 degrees" in lines[1]
 
 
+def test_the_family_of_a_blueprint_is_suggested() -> None:
+    with pytest.raises(InputError, match=r'sedan: there is no .*did you mean "vehicle.sedan.\*"'):
+        run("sedan")
+
+
+def test_a_place_is_never_minus_zero() -> None:
+    assert " -0.0," not in run("suburb", "fence.-1.0.0.1.side").stdout
+
+
 def test_every_listed_surface_can_be_named_in_a_recipe(tmp_path: Path) -> None:
     """Tested with patches of the listed size on the first surfaces of each kind in a recipe's scene."""
     rows = json.loads(run(str(POSTER), "--json").stdout)

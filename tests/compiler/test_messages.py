@@ -61,6 +61,14 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         ("a:\n  hero\n  b: 1\n", (2, 7), "line 2: a key needs a `:`", "write `key:`"),
         ("a:\n  b: 1\n  speed:1.4\n", (3, 8), "line 3: no space after the `:`", "put a space after the colon"),
         ("a:\n  speed:1.4\n  b: 1\n", (2, 8), "line 2: no space after the `:`", "put a space after the colon"),
+        ("a:\n  b:[1, 1]\n  c: 1\n", (2, 4), "a space is missing after `b:`", "write `b: `"),
+        # a list among keys: to indent the line above more would make it YAML, and hide the mistake
+        (
+            "a:\n  b:\n    c:\n      - d:\n          e: 1\n      f:\n        g: 1\n",
+            (6, 7),
+            "a key of a map is among the items of a list",
+            "every entry",
+        ),
         ("a: 1\nseed 3\nb: 1\n", (3, 1), "line 2 has no `: ` after its key", "with a space after the colon"),
         ("a: b: c\n", (1, 5), "a second `: ` in this line", "quote a text"),
         ("a: 1\n- b\n", (2, 1), "an item of a list, with `-`, is among the keys of a map", "below the key"),
@@ -208,6 +216,12 @@ def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch:
         ({"actors": {"a": {"blueprint": "sedan"}}}, 'did you mean "vehicle.sedan.*"?'),
         ({"props": {"p": {"asset": "crate", "at": {"x": 1, "y": 2}}}}, "name a mesh file in `assets`"),
         ({"town": {"name": "downtown", "blocks": 1}}, "write [1, 1]"),
+        (
+            {"sensors": {"s": {"mount": {"z": 2}, "capture": ["rgb - depth"]}}},
+            "start every `- ` of the list in the same column",
+        ),
+        ({"actors": {"a": {"blueprint:walker.*": None}}}, "put a space after the colon: blueprint: walker.*"),
+        ({"clock": "fps:10"}, "put a space after the colon: fps: 10"),
         ({"clock": {"fps\uff1a 10": None, "frames": 2}}, "replace U+FF1A (fullwidth colon) by `:` and a space"),
     ],
 )
@@ -219,6 +233,8 @@ def test_the_remedy_can_be_copied(tmp_path: Path, change: dict[str, object], hel
 def test_a_distribution_in_brackets_and_a_base_in_a_delta_have_remedies(tmp_path: Path) -> None:
     drawn = small() | {"sweep": {"draw": {"count": 2, "values": {"weather.fog_density": [0, 50]}}}}
     assert [problem.help for problem in wrong(tmp_path, drawn)] == ["write {uniform: [0, 50]}"]
+    joined = small() | {"deltas": {"a": {"b": "weather:ClearNoon"}}}
+    assert [problem.help for problem in wrong(tmp_path, joined)] == ["put a space after the colon: weather: ClearNoon"]
     nested = small() | {"deltas": {"a": {"b": {"base": {"weather": "ClearNoon"}}}}}
     assert [problem.help for problem in wrong(tmp_path, nested)] == [
         "remove it: a delta starts with the keys of the base"
@@ -266,3 +282,8 @@ def test_fields_of_other_units(tmp_path: Path, section: str, key: str, text: str
     recipe["base"][section] = {**(held if isinstance(held, dict) else {}), key: text}
     (problem,) = wrong(tmp_path, recipe)
     assert problem.help == help
+
+
+def test_a_configuration_of_carla_is_to_be_imported(tmp_path: Path) -> None:
+    first, *_ = wrong(tmp_path, "carla: {seed: 1}\nspawn_actors: []\n")
+    assert first.help == "`recipe import carla` writes the recipe of a configuration of CARLA's data collector"

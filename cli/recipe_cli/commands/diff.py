@@ -10,6 +10,7 @@ import click
 from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, compile_quietly, opened
 from recipe_cli.console import print_json, say
 from recipe_cli.places import lockfile_path
+from recipe_cli.suggestions import check_exists
 
 if TYPE_CHECKING:
     from recipe_runtime.verify.diff import Side
@@ -30,6 +31,8 @@ def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None
     manifests, which hold a digest of every frame and the SHA-256 of every file; `recipe verify --integrity`
     checks the files themselves. Exit code 0: nothing differs, 1: something does.
     """
+    for path in (first, second):
+        check_exists(path)
     from recipe_runtime.verify.diff import differences, left_out
 
     a, b = _side(first, allow_large), _side(second, allow_large)

@@ -77,6 +77,7 @@ def command(
 
 def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePlan | None, Looks | None, list[_Body]]:
     """Return the scene of a recipe or a town, its colours, and its bodies; of blueprints, only bodies."""
+    from recipe_compiler.checks.references import blueprint_remedy
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.ir.plan import Clock, Looks, ScenePlan
     from recipe_compiler.library import blueprints, surfaces, towns
@@ -91,7 +92,9 @@ def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePla
         return scene, Looks.model_construct(root=town.looks), list(_of_scene(scene))
     specimens = [blueprints.specimen(blueprint)[0] for blueprint in blueprints.match(where)]
     if not specimens:
-        remedy = nearest(where, [*towns.NAMES, *blueprints.names()])
+        remedy, family = nearest(where, [*towns.NAMES, *blueprints.names()]), blueprint_remedy(where)
+        if family.startswith("did you mean") and not remedy.startswith("did you mean"):
+            remedy = family
         raise InputError(f"{where}: there is no such recipe, town or blueprint", help=remedy, code=Code.UNKNOWN_NAME)
     return None, None, [_Body("actor", a.name, tuple(surfaces.actor_surfaces(a)), a) for a in specimens]
 
@@ -174,7 +177,7 @@ def _print_table(bodies: list[_Body]) -> None:
                 rows.append((*head, "whole", "-", "-", f"texture map, {surface.aspect:.3f} : 1"))
                 continue
             face = _face(surface)
-            x, y = (sum(corner[axis] for corner in face.corners) / 4 for axis in range(2))
+            x, y = (round(sum(corner[axis] for corner in face.corners) / 4, 1) + 0.0 for axis in range(2))
             place = f"on the part {surface.part}"
             if surface.part == "static":
                 yaw = round(atan2_deg(face.normal[1], face.normal[0])) % 360

@@ -27,7 +27,7 @@ from recipe_cli.arguments import (
 from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
 from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
-from recipe_cli.suggestions import nearest_place, url_with_one_slash
+from recipe_cli.suggestions import check_exists
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
@@ -119,7 +119,7 @@ def command(
     def check(target: Path | str) -> Report:
         if integrity:
             return _integrity(target, options)
-        _check_exists(target)
+        check_exists(target)
         with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
             return _verify(place, options, allow_large, against)
 
@@ -213,24 +213,6 @@ def _recipe_of(path: Path) -> Path:
         remedy = "if it was renamed: `recipe verify NEW.yaml`, then `recipe lock NEW.yaml --update`"
         raise InputError(f"{path} names {recipe}, which does not exist", help=remedy, code=Code.FILE_NOT_FOUND)
     return recipe
-
-
-def _check_exists(target: Path | str) -> None:
-    """Check that a lockfile or dataset exists; the compiler reports a missing recipe.
-
-    Raises:
-        InputError: it does not exist.
-    """
-    from recipe_compiler.ir.errors import Code, InputError
-
-    if not isinstance(target, Path) or target.exists() or target.suffix not in ("", ".lock"):
-        return
-    near = url_with_one_slash(str(target)) or nearest_place(target)
-    what, remedy = "dataset folder", "`recipe build` makes one, in datasets/NAME; or name a recipe or a lockfile"
-    if target.suffix:
-        what, remedy = "lockfile", "`recipe lock RECIPE` writes one"
-    remedy = f"did you mean {near}?" if near else remedy
-    raise InputError(f"{target}: there is no such {what}", help=remedy, code=Code.FILE_NOT_FOUND)
 
 
 def _all_lockfiles() -> list[Path]:

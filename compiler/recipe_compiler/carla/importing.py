@@ -183,7 +183,8 @@ def _sort(sources: Iterable[_Source], problems: list[Problem]) -> _SortedFiles:
     if not found.configurations and not problems:
         for source in [*found.settings, *(source for source, _ in found.weathers)][:1]:
             message = "no configuration: none of the files has spawn_actors or actors"
-            remedy = "name the main configuration as well"
+            is_recipe = {"recipe", "base"} <= set(source.root.map)
+            remedy = "this is a recipe: build it as it is" if is_recipe else "name the main configuration as well"
             problems.append(Problem(message, source.root.place, remedy, Code.MISSING_KEY))
     return found
 

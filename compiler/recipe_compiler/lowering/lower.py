@@ -231,7 +231,7 @@ class Lowering:
                 azimuth=where.azimuth if "sun_azimuth_angle" in by_hand else azimuth,
                 altitude=where.altitude if "sun_altitude_angle" in by_hand else altitude,
             )
-            self._warn_of_sun(variant, base.time)
+            self._warn_of_sun(variant, base, altitude)
         return Weather(**numbers), where
 
     def _sun_angles(self, time: str, place: Geography) -> tuple[float, float]:
@@ -247,12 +247,23 @@ class Lowering:
             ),
         )
 
-    def _warn_of_sun(self, variant: Variant, time: str) -> None:
-        if variant.base.get("weather", "sun_altitude_angle") is not None:
-            by_time = f"time {show(time)} of line {variant.base.place_of('time').line}"
+    def _warn_of_sun(self, variant: Variant, base: Base, altitude: float) -> None:
+        """Warn of a sun that two settings set: an angle and the time, or a dark preset and a time of day.
+
+        `altitude` is that of the time, in degrees. A bright preset with the time of a dusk or night is usual.
+        """
+        source = variant.base
+        by_time = f"time {show(base.time)} of line {source.place_of('time').line}"
+        if source.get("weather", "sun_altitude_angle") is not None:
             message = f"weather.sun_altitude_angle overrides the altitude that follows from {by_time}"
-            place = variant.base.place_of("weather", "sun_altitude_angle")
-            self.warnings.append(Problem(message, place, "remove one of the two", Code.OVERRIDDEN))
+            place, remedy = source.place_of("weather", "sun_altitude_angle"), "remove one of the two"
+        elif altitude > max(0.0, 2.0 * weather.preset(base.weather.preset)["sun_altitude_angle"]):
+            message = f"weather: {by_time} overrides the sun of the preset {show(base.weather.preset)}, so it is day"
+            place = source.place_of(*(("weather", "preset") if source.get("weather", "preset") else ("weather",)))
+            remedy = "write a time when the sun is low, remove `time`, or exclude the variant"
+        else:
+            return
+        self.warnings.append(Problem(message, place, remedy, Code.OVERRIDDEN))
 
 
 _EFFECTS = (

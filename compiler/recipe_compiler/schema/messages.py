@@ -226,7 +226,7 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
         return (
             Code.INVALID_VALUE,
             f"{where}: unknown value {show(value)}",
-            remedies.of_text(value) or nearest(str(value), _literals(context["expected"])),
+            remedies.of_word(value) or nearest(str(value), _literals(context["expected"])),
         )
     if kind in {"too_short", "too_long"}:
         return _size(where, kind, context)

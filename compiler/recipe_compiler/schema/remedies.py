@@ -13,6 +13,7 @@ from recipe_compiler.source.yaml_help import name_of
 
 _KMH = 3.6  # km/h in 1 m/s
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]{1,9},[0-9]{1,9}\Z")
+_NO_SPACE = re.compile(r"([A-Za-z_]\w{0,39}):([\w.*#+-]{1,60})\Z")
 _CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb"
 
 
@@ -34,6 +35,8 @@ def of_value(key: str, wanted: str, value: object, fields: Collection[str] = (),
         return "remove the brackets"
     if wanted == "a map" and isinstance(value, list) and {"x", "y"} <= set(fields):
         return _point(value, fields)
+    if wanted == "a map" and isinstance(value, str) and (spaced := _spaced(value)):
+        return spaced
     if wanted == "a list" and isinstance(value, str | dict):
         return _in_list(value)
     if wanted == "a map" and "uniform" in fields and isinstance(value, list) and None not in map(_number_of, value):
@@ -58,6 +61,13 @@ def of_text(text: object) -> str | None:
     return None if curly is None else f"replace {name_of(curly)} by straight quotes"
 
 
+def of_word(word: object) -> str | None:
+    """Return the remedy for an unknown word; None if nothing in particular is known."""
+    if isinstance(word, str) and " - " in word:  # YAML continues the item above with an item that is indented more
+        return "start every `- ` of the list in the same column"
+    return of_text(word)
+
+
 def of_limit(key: str, value: object) -> str:
     """Return what the remedy for a number beyond its limits adds: the unit, where another one is usual."""
     number = _number_of(value)
@@ -72,6 +82,8 @@ def of_key(key: str, value: object) -> str | None:
         return "write numbers with a decimal point, not a comma"
     if (colon := next((c for c in key if c in "\uff1a\ufe55\u2236"), None)) is not None:
         return f"replace {name_of(colon)} by `:` and a space"
+    if value is None and (spaced := _spaced(key)):
+        return spaced
     odd = next((c for c in key if unicodedata.category(c) in ("Zs", "Cf") and c != " "), None)
     return None if odd is None else f"remove the character {name_of(odd)}"
 
@@ -81,7 +93,13 @@ def of_delta(value: object) -> str | None:
     for section, names in (("weather", weather.PRESETS), ("town", towns.NAMES)):
         if isinstance(value, str) and value in names:
             return f"write {{{section}: {value}}}"
-    return None
+    return _spaced(value) if isinstance(value, str) else None
+
+
+def _spaced(text: str) -> str | None:
+    """The remedy for a key and its value with no space between, such as `fps:10`, which YAML reads as text."""
+    found = _NO_SPACE.match(text)
+    return f"put a space after the colon: {found[1]}: {found[2]}" if found else None
 
 
 def _number_of(value: object) -> float | None:

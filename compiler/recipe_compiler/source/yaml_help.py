@@ -124,6 +124,11 @@ def _key_without_colon(problem: str, opened: int | None, lines: list[str], place
     if words and "mapping values" in problem and _column(line) == _column(lines[number - 1]):
         message, remedy = missing_colon(words[1], colon=False)
         return Problem(message, Place(place.file, number, words.end(1) + 1), remedy, Code.YAML_SYNTAX)
+    bracket = key_before_bracket(lines[number - 1].strip())
+    if bracket is not None:
+        where = Place(place.file, number, _column(lines[number - 1]) + len(bracket[0]) + 1)
+        message, remedy = missing_colon(*bracket)
+        return Problem(message, where, remedy, Code.YAML_SYNTAX)
     found = re.match(r"(\s*(?:- )?[A-Za-z_][\w.-]*)(:?)(\S*)\s*(?:#.*)?\Z", lines[number - 1])
     if found is None or (found[3] and not found[2]) or (found[2] and not found[3]):
         return None

@@ -37,7 +37,7 @@ def misindented_line(lines: Sequence[str], place: int, parses: Callable[[str], b
     """
     found: list[tuple[tuple[int, ...], Repair]] = []
     left = _WORK // (1 + sum(len(line) + 1 for line in lines))
-    if not left:
+    if not left or (place <= len(lines) and _is_mixed(lines, place)):
         return None
     step = _step(lines)
     for number in islice(_candidates(lines, place), _MOST):

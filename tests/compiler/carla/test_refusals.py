@@ -14,6 +14,11 @@ REFUSED = {
     "empty": ("", "config.yaml:1:1: the file is empty; name a configuration of CARLA's data collector"),
     "a list": ("- 1\n", "config.yaml:1:1: a configuration must be a map of keys and values"),
     "no actors": ("carla: {seed: 1}\n", "config.yaml:1:1: no configuration: none of the files has spawn_actors"),
+    "a recipe": (
+        "recipe: a\nbase: {clock: {fps: 10}}\n",
+        "config.yaml:1:1: no configuration: none of the files has spawn_actors or actors; this is a recipe: build it as"
+        " it is",
+    ),
     "no camera": (
         HEAD + "  - blueprint: {name: vehicle.*}\n",
         "config.yaml:2:1: spawn_actors: the configuration has no camera; add a sensor, such as sensor.camera.rgb",

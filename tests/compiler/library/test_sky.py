@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from recipe_compiler.ir.errors import Code
 from recipe_compiler.library import weather
 from recipe_compiler.lowering import sun
 
-from tests.compiler.kitchen import only, small
+from tests.compiler.kitchen import compiled, only, small
 
 # rpc/WeatherParameters.cpp of CARLA 0.9.16: cloudiness, precipitation, deposits, wind, sun altitude, fog density, fog
 # distance, fog falloff, wetness. In every row the sun's azimuth is unset (-1), scattering is 1, Mie 0.03, Rayleigh
@@ -113,3 +114,27 @@ def test_an_explicit_angle_overrides_time_and_time_overrides_a_preset() -> None:
     by_hand = only(small(time="15:00", weather={"preset": "ClearSunset", "sun_altitude_angle": 10})).appearance.sun
     assert (by_hand.azimuth, by_hand.altitude) == (reported.azimuth, 10)
     assert only(small(time="15:00", weather="ClearSunset")).appearance.sun == reported
+
+
+@pytest.mark.parametrize(
+    ("weather_", "time", "warns"),
+    [
+        ("ClearNight", "12:00", True),
+        ({"preset": "WetNight", "fog_density": 20}, "15:00", True),
+        ("ClearSunset", "12:00", True),
+        ("ClearNight", "23:00", False),
+        ("ClearSunset", "19:40", False),
+        ("ClearNoon", "19:40", False),  # as in the recipe of `recipe init`
+        ("ClearNoon", "23:00", False),
+        ({"preset": "ClearNight", "sun_altitude_angle": -90}, "23:00", True),  # the warning about the angle, alone
+    ],
+)
+def test_a_dark_preset_with_a_time_of_day_causes_a_warning(weather_: object, time: str, warns: bool) -> None:
+    """Otherwise, a variant `weather=night` of a recipe with a time would have pictures of noon without notice."""
+    found = compiled(small(weather=weather_, time=time)).warnings
+    assert [problem.code for problem in found] == [Code.OVERRIDDEN] * warns
+    if warns and not (isinstance(weather_, dict) and "sun_altitude_angle" in weather_):
+        (problem,) = found
+        name = weather_["preset"] if isinstance(weather_, dict) else weather_
+        assert f'time "{time}" of line ' in problem.message
+        assert f'overrides the sun of the preset "{name}", so it is day' in problem.message
