@@ -6,6 +6,7 @@ from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Data
 from recipe_compiler.carla.report import Node
 from recipe_compiler.library.weather import ENGINE_DEFAULTS, PARAMETERS, UNSET
+from recipe_compiler.schema.messages import near
 
 COLLECTOR = dict.fromkeys(PARAMETERS, 0.0) | {"rayleigh_scattering_scale": 0.0331}
 """The parameters of `carla.WeatherParameters()`, the collector's defaults."""
@@ -43,7 +44,9 @@ def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
             reader.ledger.kept(child, f"{to}.{parameter}")
     for child in node.children():
         if child.path[-1] not in PARAMETERS and child.path[-1] != "_target_":
-            reader.ledger.ignored(child, "CARLA has no such weather parameter")
+            meant = near(str(child.path[-1]), PARAMETERS)
+            hint = f", did you mean {meant}?" if meant else ""
+            reader.ledger.ignored(child, f"CARLA has no such weather parameter{hint}")
     return found
 
 

@@ -106,6 +106,9 @@ def _remedy_of_key(key: str, value: Value) -> str:
     homes = [section for section in _SECTIONS if key in fields_at(Base, (section,))]
     if homes:
         return f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}"
+    for section, mark in (("sensors", "mount"), ("actors", "blueprint")):
+        if isinstance(value.data, dict) and mark in value.map:
+            return f"it is an entry of {section}: write {section}: {{{key}: ...}}"
     if key == "base":
         return "remove it: a delta starts with the keys of the base"
     return remedies.of_key(key, value.plain) or nearest(key, _SECTIONS)

@@ -46,7 +46,10 @@ def unknown_town(base: Value) -> Iterator[Problem]:
         if key in Town.model_fields:
             continue
         if key not in declared:
+            others = [town for town in towns.NAMES if key in towns.PARAMETERS[town]]
             remedy = nearest(key, [*Town.model_fields, *declared])
+            if others:
+                remedy = f"remove it: it is a parameter of {' and '.join(others)}"
             yield Problem(f"unknown key {show(key)} in town", spec.key_place(key), remedy, Code.UNKNOWN_KEY)
             continue
         try:

@@ -44,7 +44,15 @@ _EXAMPLES = {
 _SEVERAL = "for several, make each a value of an axis in `deltas`"
 _DEFAULTS = {"town": "downtown", "weather": "ClearNoon"}
 _BY_NAME = {"town": "a name, such as downtown,", "weather": "a preset's name, such as ClearNoon,"}  # or a map
-_CARLA = {"image_size_x": "width", "image_size_y": "height", "sensor_tick": "tick"}
+_CARLA = {  # CARLA's key -> ours, the first that the map may have
+    "image_size_x": ("width",),
+    "image_size_y": ("height",),
+    "sensor_tick": ("tick",),
+    "transform": ("mount", "start"),
+    "destination_transform": ("goal",),
+    "attach_to": ("on",),
+    "max_frames": ("frames",),
+}
 _NAME_RULE = "use letters, digits, _ and - only, a letter or digit first: names become folders"
 _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
     "#": ("is not a colour", 'write it as "#rrggbb"'),
@@ -249,8 +257,8 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     if path[-2:] == ("camera", "exposure"):
         return Code.UNKNOWN_KEY, what, 'as in CARLA, it is "exposure_compensation"'
     keys = fields_at(model, _without_markers(detail["loc"][:-1]))
-    own = _CARLA.get(str(path[-1]))
-    if own in keys:
+    own = next((key for key in _CARLA.get(str(path[-1]), ()) if key in keys), None)
+    if own is not None:
         return Code.UNKNOWN_KEY, what, f"use {show(own)}, which is CARLA's {path[-1]}"
     known = remedies.of_key(str(path[-1]), detail["input"])
     return Code.UNKNOWN_KEY, what, known or _home(detail, model) or nearest(str(path[-1]), keys)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.compiler.carla.importing import CONFIGS, TOGETHER, compiled, import_files, leaves
+from tests.compiler.carla.importing import CONFIGS, TOGETHER, compiled, import_files, import_text, leaves
 
 # Every key of the collector, from the reference page 1.1.
 KEYS = {
@@ -61,6 +61,13 @@ def test_the_configurations_use_every_key_of_the_collector() -> None:
 
 
 @pytest.mark.slow
+def test_a_misspelt_weather_parameter_is_reported_with_the_nearest() -> None:
+    """The collector ignores it, so a configuration can have one without notice."""
+    text = "max_frames: 1\nweather: {fog_densty: 5}\nspawn_actors:\n  - blueprint: {name: sensor.camera.rgb}\n"
+    (row,) = (row for row in import_text(text).report.rows if row.key == "weather.fog_densty")
+    assert row.why == "CARLA has no such weather parameter, did you mean fog_density?"
+
+
 def test_an_import_is_repeatable() -> None:
     for name in ("paper", "oscar", "crowded"):
         files = TOGETHER[name]
