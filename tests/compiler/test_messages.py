@@ -105,6 +105,12 @@ def test_errors_of_limits_name_the_limit() -> None:
     assert deep.message.startswith("33 maps or lists inside each other, the limit is 32")
 
 
+def test_a_map_that_is_too_long_has_its_number_of_entries_in_the_message(tmp_path: Path) -> None:
+    assets = {f"crate{n}": {"mesh": "crate.glb"} for n in range(101)}
+    (problem,) = wrong(tmp_path, {**small(), "assets": assets})
+    assert problem.message == "assets: 101 items exceed the limit of 100"
+
+
 def test_an_error_of_one_variant_names_it_and_its_town(tmp_path: Path) -> None:
     deltas = {"w": {"dry": {}, "wet": {"weather": {"wetness": 900}}}}
     (problem,) = wrong(tmp_path, small() | {"deltas": deltas})

@@ -25,6 +25,7 @@ from recipe_compiler.source.yaml_reader import Value, printable, show
 MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20
 ALL_TRIANGLES, ALL_PIXELS = 2_000_000, MAX_TEXTURE_PIXELS
 INVALID_FILES, INVALID_BYTES = 5, 32 << 20  # invalid files that are decoded before the others are left out
+MISSING_FILES = 50  # files that cannot be read, likewise
 _KINDS = {"mesh": ("glb", "gltf", "obj", "stl"), "image": ("png",)}
 _WHY = {
     "mesh": "export it in one of these formats",
@@ -102,10 +103,10 @@ def read(
     invalid: list[int] = []  # sizes of invalid files
     for name, wanted in {**_wanted(root, assets, folder, sources), **(textures or {})}.items():
         asset, path, place, label = wanted.asset, wanted.path, wanted.place, wanted.label
-        if len(invalid) >= INVALID_FILES or sum(invalid) > INVALID_BYTES:
-            message = (
-                f"assets: {count(len(invalid), 'file')} above cannot be used, and those from {name} on were not read"
-            )
+        wrong = len(problems) if len(problems) >= MISSING_FILES else len(invalid)
+        if wrong >= INVALID_FILES or sum(invalid) > INVALID_BYTES:
+            shown = name if label.startswith("assets.") else show(path)
+            message = f"assets: {count(wrong, 'file')} above cannot be used, and those from {shown} on were not read"
             problems.append(Problem(message, _first(label, root, place), "correct them first", Code.INVALID_ASSET))
             break
         content = b""

@@ -23,6 +23,7 @@ class Yards:
     def __init__(self, town: Town) -> None:
         self._town = town
         self._spots: frozenset[Cell] | None = None
+        self._bounds = (0.0, 0.0), (0.0, 0.0)  # of the obstacles, as x and y ranges of cells; set with the spots
         self._yards: list[set[Cell]] = []  # found so far
         self._open: set[Cell] = set()  # cells known not to be enclosed
 
@@ -34,11 +35,14 @@ class Yards:
     def around(self, x: float, y: float) -> AbstractSet[Cell]:
         """Return the cells that can be reached from a place.
 
-        The result is empty if the place is not enclosed: if a spawn point, or a cell `_REACH` metres away, can be
-        reached.
+        The result is empty if the place is not enclosed: if a spawn point, a cell `_REACH` metres away, or a cell
+        outside the rectangle of all obstacles can be reached.
         """
         if self._spots is None:
             self._spots = frozenset(self.cell(point.pose.x, point.pose.y) for point in self._town.spawn_points)
+            (x0, x1), (y0, y1) = self._town.obstacles.bounds
+            self._bounds = (x0 / _CELL, x1 / _CELL), (y0 / _CELL, y1 / _CELL)
+        (west, east), (south, north) = self._bounds
         start = self.cell(x, y)
         for yard in self._yards:
             if start in yard:
@@ -46,7 +50,9 @@ class Yards:
         most, seen, edge = int(_REACH / _CELL), {start}, deque([start])
         while edge:
             i, j = edge.popleft()
-            if (i, j) in self._spots or (i, j) in self._open or max(abs(i - start[0]), abs(j - start[1])) > most:
+            is_outside = not (west <= i < east and south <= j < north)
+            is_far = max(abs(i - start[0]), abs(j - start[1])) > most
+            if is_outside or is_far or (i, j) in self._spots or (i, j) in self._open:
                 self._open |= seen
                 return frozenset()
             for cell in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):

@@ -37,9 +37,11 @@ def built(name: str, seed: int, parameters: str) -> Town:
     return towns.build(name, seed, json.loads(parameters))
 
 
-def town_of(spec: scene.Town) -> Town:
-    """Return the town that a recipe describes."""
-    return built(spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
+@functools.lru_cache(maxsize=10_000)
+def _metres(name: str, seed: int, parameters: str) -> tuple[float, float]:
+    """Return the lengths of all lanes and of all sidewalks of a town, which outlast it in memory."""
+    town = built(name, seed, parameters)
+    return town.lane_metres, town.sidewalk_metres
 
 
 def counts(base: Base) -> dict[Category, int]:
@@ -50,9 +52,10 @@ def counts(base: Base) -> dict[Category, int]:
     given, density = base.traffic, base.traffic.density
     if density is None:
         return {"vehicle": given.vehicles, "pedestrian": given.pedestrians}
-    town = town_of(base.town)
-    vehicles = given.vehicles or math.floor(density.vehicles * town.lane_metres / 1000 + 0.5)
-    pedestrians = given.pedestrians or math.floor(density.pedestrians * town.sidewalk_metres / 1000 + 0.5)
+    spec = base.town
+    lanes, sidewalks = _metres(spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
+    vehicles = given.vehicles or math.floor(density.vehicles * lanes / 1000 + 0.5)
+    pedestrians = given.pedestrians or math.floor(density.pedestrians * sidewalks / 1000 + 0.5)
     return {"vehicle": min(TRAFFIC_LIMIT, vehicles), "pedestrian": min(TRAFFIC_LIMIT, pedestrians)}
 
 
@@ -84,8 +87,9 @@ def blueprint(category: Category, traffic: scene.Traffic, town: Town, stream: St
 
 def _weights(allowed: Sequence[Blueprint], traffic: scene.Traffic) -> list[tuple[Blueprint, float]]:
     found: dict[str, float] = {}
+    names = {b.id for b in allowed}
     for glob, weight in traffic.mix.items():
-        matches = [b.id for b in blueprints.match(glob) if b in allowed]
+        matches = [b.id for b in blueprints.match(glob) if b.id in names]
         for name in matches:
             found[name] = found.get(name, 0.0) + weight / len(matches)
     return [(b, found[b.id]) for b in allowed if b.id in found]

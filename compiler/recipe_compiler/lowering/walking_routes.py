@@ -32,7 +32,7 @@ Path = tuple[str | int, ...]  # keys and indices of a value of the recipe
 
 
 class RecipeWork:
-    """The work allowed for planning the routes of all scenes of a recipe.
+    """The work allowed for planning the routes of all scenes of a recipe, and the yards that they share.
 
     Attributes:
         routes: for routes.
@@ -44,6 +44,13 @@ class RecipeWork:
     def __init__(self, *, unlimited: bool = False) -> None:
         self.routes = Work() if unlimited else Work(self.MOST)
         self.remedies = Work(_REMEDIES)
+        self._yards: dict[int, tuple[Town, Yards]] = {}  # by the town's id; with the town, so that no id is reused
+
+    def yards(self, town: Town) -> Yards:
+        """The yards of a town."""
+        if id(town) not in self._yards:
+            self._yards[id(town)] = town, Yards(town)
+        return self._yards[id(town)][1]
 
 
 class WalkingRoutes:
@@ -85,7 +92,7 @@ class WalkingRoutes:
         self._crowd = Planner(static, total=work.routes)
         vehicles = [Obstacle.of_vehicle(actor) for actor in standing]
         self._named = Planner(static.with_more(vehicles) if vehicles else static, _WORK, work.routes)
-        self._yards = Yards(town)
+        self._yards = work.yards(town)
 
     def planned(self) -> tuple[ActorPlan, ...]:
         """Return the actors, those who walk with planned routes."""

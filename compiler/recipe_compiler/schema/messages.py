@@ -237,7 +237,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
             remedies.of_word(value) or nearest(str(value), _literals(context["expected"])),
         )
     if kind in {"too_short", "too_long"}:
-        return _size(where, kind, context)
+        size = len(value) if isinstance(value, (dict, list, tuple)) else context["actual_length"]
+        return _size(where, kind, {**context, "actual_length": size})  # pydantic does not count a map that is too long
     if kind == "string_too_short":
         return Code.INVALID_VALUE, f"{around}: the text is empty", "remove it"
     if kind == "finite_number":

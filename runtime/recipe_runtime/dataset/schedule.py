@@ -8,7 +8,7 @@ few frames of one view; shards may be processed in any order, by any number of w
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan, SensorPlan
@@ -45,20 +45,28 @@ class Shard:
         return len(self.frames) * len(self.variants)
 
 
+@dataclass(frozen=True)
+class _Group:
+    """The scene and the sensor of a view, and the variants found so far."""
+
+    scene: ScenePlan
+    sensor: SensorPlan
+    variants: list[int] = field(default_factory=list)
+
+
 def views(dataset: DatasetPlan) -> list[View]:
     """Return every view of a dataset, grouped by scene, in the order of the first variants."""
-    groups: dict[tuple[str, str], list[int]] = {}
+    keys: dict[tuple[str, str], tuple[str, ...]] = {}  # of all sensors, by the digests of scene and rig
+    groups: dict[tuple[str, str], _Group] = {}
     for index, variant in enumerate(dataset.variants):
-        for sensor in variant.rig.sensors:
-            scene = variant.scene.digest
-            groups.setdefault((scene, _view_key(scene, sensor)), []).append(index)
-    scenes = list(dict.fromkeys(scene for scene, _ in groups))
-    found = []
-    for (scene, key), members in sorted(groups.items(), key=lambda item: scenes.index(item[0][0])):
-        first = dataset.variants[members[0]]
-        (sensor,) = (s for s in first.rig.sensors if _view_key(scene, s) == key)
-        found.append(View(key, first.scene, sensor, tuple(members)))
-    return found
+        scene, rig = variant.scene.digest, variant.rig
+        if (scene, rig.digest) not in keys:
+            keys[scene, rig.digest] = tuple(_view_key(scene, sensor) for sensor in rig.sensors)
+        for key, sensor in zip(keys[scene, rig.digest], rig.sensors, strict=True):
+            groups.setdefault((scene, key), _Group(variant.scene, sensor)).variants.append(index)
+    order = {scene: number for number, scene in enumerate(dict.fromkeys(scene for scene, _ in groups))}
+    by_scene = sorted(groups.items(), key=lambda item: order[item[0][0]])
+    return [View(key, group.scene, group.sensor, tuple(group.variants)) for (_, key), group in by_scene]
 
 
 def _view_key(scene: str, sensor: SensorPlan) -> str:

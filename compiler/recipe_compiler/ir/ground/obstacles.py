@@ -26,6 +26,7 @@ _MAX_CELLS = 4096  # of one obstacle in the index
 _INFINITE = math.inf
 
 Segment = tuple[float, float, float, float]  # x and y of its start, x and y of its end
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +202,15 @@ class ObstacleMap:
         for cell in self._along(segment):
             found.update(self._cells.get(cell, ()))
         return [found[n] for n in sorted(found) if found[n].meets(segment, margin)]
+
+    @property
+    def bounds(self) -> tuple[Span, Span]:
+        """The ranges of x and of y outside which nothing is within the map's reach of an obstacle."""
+        if self._large:
+            return (-_INFINITE, _INFINITE), (-_INFINITE, _INFINITE)
+        (west, east), (south, north) = self._extent
+        size = self._cell
+        return (west * size, (east + 1) * size), (south * size, (north + 1) * size)
 
     def cells_along(self, segment: Segment) -> float:
         """Return approximately how many cells `across` visits."""

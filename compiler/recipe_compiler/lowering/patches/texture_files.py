@@ -17,17 +17,20 @@ from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.merge import Sources, forbidden, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 
-MAX_SEQUENCE = 10_000  # images of a folder
+MAX_SEQUENCE, MAX_IMAGES = 10_000, 100_000  # images of a folder, and of all folders that a recipe names
+_MAX_PROBLEMS = 20  # after which no further folder is listed
 _PREFIX = "texture:"  # keeps their names distinct from those of assets
 
 Key = tuple[str, str, str]  # the file that names a texture, the path as written there, and `image` or `frames`
+Location = tuple[str, str]  # path relative to the recipe's folder, and `image` or `frames`
 
 
 @dataclass
 class TextureFiles:
     """The image files of a recipe's patches."""
 
-    names: dict[Key, tuple[str, ...]] = field(default_factory=dict)  # names of files, by texture
+    paths: dict[Key, Location] = field(default_factory=dict)  # by texture
+    names: dict[Location, tuple[str, ...]] = field(default_factory=dict)  # names of files
     files: dict[str, NamedFile] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
@@ -38,7 +41,8 @@ class TextureFiles:
             assets: all validated files, by name.
         """
         every = self.names.items()
-        return {key: tuple(assets[n] for n in names) for key, names in every if all(n in assets for n in names)}
+        found = {place: tuple(assets[n] for n in names) for place, names in every if all(n in assets for n in names)}
+        return {key: found[place] for key, place in self.paths.items() if place in found}
 
 
 def find(root: Value, folder: Path, sources: Sources) -> TextureFiles:
@@ -50,22 +54,32 @@ def find(root: Value, folder: Path, sources: Sources) -> TextureFiles:
         sources: the recipe's files.
     """
     found, known = TextureFiles(), {printable(str(folder / name)): name for name in sources.files}
+    images = 0
     for where, kind, value in _named(root):
         given = value.data
         key = texture_key(value.place, str(given), kind)
-        if not isinstance(given, str) or key in found.names:
+        if not isinstance(given, str) or key in found.paths:
             continue
         path = str(PurePosixPath(known.get(value.place.file, "")).parent / given)
+        found.paths[key] = (path, kind)
+        if (path, kind) in found.names and not forbidden(given):
+            continue  # the same file or folder in another spelling
         paths = (path,) if kind == "image" else _sequence(where, given, folder, path, value.place, found.problems)
         for one in paths:
             asset = Asset.model_construct(image=given if kind == "image" else one, sha256=None)
             found.files.setdefault(_PREFIX + one, NamedFile(where, asset, one, value.place, value.place))
-        found.names[key] = tuple(_PREFIX + one for one in paths)
+        found.names[path, kind] = tuple(_PREFIX + one for one in paths)
+        images += len(paths) if kind == "frames" else 0
+        if images > MAX_IMAGES:
+            message = f"{where}: {show(given)}: with it, the folders have {images:,} images, over {MAX_IMAGES:,}"
+            found.problems.append(Problem(message, value.place, "name fewer folders", Code.INPUT_LIMIT))
+        if images > MAX_IMAGES or len(found.problems) >= _MAX_PROBLEMS:
+            break
     return found
 
 
 def texture_key(place: Place, given: str, kind: str) -> Key:
-    """Return the key of a texture in `TextureFiles.names`; `kind` is `image` or `frames`."""
+    """Return the key of a texture in `TextureFiles.paths`; `kind` is `image` or `frames`."""
     return place.file, given, kind
 
 
