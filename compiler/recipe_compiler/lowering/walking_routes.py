@@ -44,13 +44,14 @@ class RecipeWork:
     def __init__(self, *, unlimited: bool = False) -> None:
         self.routes = Work() if unlimited else Work(self.MOST)
         self.remedies = Work(_REMEDIES)
-        self._yards: dict[int, tuple[Town, Yards]] = {}  # by the town's id; with the town, so that no id is reused
+        self._yards: dict[str, Yards] = {}  # by the digest of the town's plan
 
     def yards(self, town: Town) -> Yards:
         """The yards of a town."""
-        if id(town) not in self._yards:
-            self._yards[id(town)] = town, Yards(town)
-        return self._yards[id(town)][1]
+        digest = town.plan.digest
+        if digest not in self._yards:
+            self._yards[digest] = Yards(town)
+        return self._yards[digest]
 
 
 class WalkingRoutes:
