@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Collection
 from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
@@ -24,9 +25,14 @@ _KINDS = {  # first bytes of a file -> what it is, and what to name instead
 }
 
 
-def nearest_file(path: Path) -> str | None:
-    """Return a remedy for a path that does not exist: a file with a similar name in its folder; None without one."""
-    names = [entry.name for entry in _entries(path.parent) if entry.is_file()]
+def nearest_file(path: Path, besides: Collection[Path] = ()) -> str | None:
+    """Return a remedy for a path that does not exist: a file with a similar name in its folder; None without one.
+
+    Args:
+        path: the path.
+        besides: files that are not meant.
+    """
+    names = [entry.name for entry in _entries(path.parent) if entry.is_file() and entry not in besides]
     recipes = [name for name in names if name in (f"{path.name}.yaml", f"{path.name}.yml")]
     if recipes:
         return f"did you mean {show(recipes[0])}?"

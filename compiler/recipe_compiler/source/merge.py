@@ -154,7 +154,8 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
     except FileNotFoundError:
         where = _label(name, place) if place else f"{path}: "
         remedy = "paths are relative to this file" if place else "`recipe init` writes a recipe"
-        _report(sources, f"{where}there is no such file", place, nearest_file(path) or remedy, Code.FILE_NOT_FOUND)
+        near = nearest_file(path, {folder / read for read in sources.files})
+        _report(sources, f"{where}there is no such file", place, near or remedy, Code.FILE_NOT_FOUND)
         return None
     except IsADirectoryError:
         message = f"{_label(name, place) if place else f'{path}: '}is a folder"

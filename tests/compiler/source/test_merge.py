@@ -119,3 +119,9 @@ def test_a_name_without_its_ending_is_recognised(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("recipe: mine\n")
     assert nearest_file(tmp_path / "mine") == 'did you mean "mine.yaml"?'
     assert nearest_file(tmp_path / "other") is None
+
+
+def test_a_recipe_is_not_suggested_as_its_own_base(tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text("recipe: bad\nextends: base.yaml\n")
+    (problem,) = read(tmp_path / "bad.yaml").problems
+    assert "base.yaml" in problem.message and problem.help == "paths are relative to this file"
