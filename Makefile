@@ -119,7 +119,7 @@ bench: install-dev  ## frames per second, compared with a plain PyBullet and Pil
 bench-long: install-dev  ## a build of 10,000 frames with nothing to do, and verification of 60 of them (ten minutes)
 	$(BIN)/python -m benchmarks.long
 
-bench-estimates: install-dev  ## the estimates of `recipe plan`, compared with builds of ten recipes (five minutes)
+bench-estimates: install-dev  ## the estimates of `recipe plan`, compared with builds of ten recipes (two minutes)
 	$(BIN)/python -m benchmarks.estimates
 
 bench-ray: install-dev  ## cost of Ray relative to local processes, for the same frames (ten minutes; installs Ray)

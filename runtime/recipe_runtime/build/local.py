@@ -55,6 +55,7 @@ def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Calla
         RunError: a frame failed; the message names it and its variant. The other workers are stopped.
     """
     if workers == 0:
+        subprocesses.collect_as_usual()
         worker = Worker(job)
         for shard in shards:
             done(shard, worker.do(shard, tick))
@@ -187,6 +188,7 @@ def serve() -> None:
         if load is not None:
             with suppress(Exception):  # reported when a shard of that scene is rendered
                 worker.load(load)
+        subprocesses.collect_as_usual()
         while True:
             pipe.send(_answer(worker, pipe.recv(), lambda count: pipe.send(("tick", count))))
             worker.timings.seconds.clear()

@@ -150,11 +150,16 @@ def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None =
     Raises:
         KeyError, TypeError, AttributeError, ValueError: the manifest is damaged.
     """
-    variants, traces, frames = {}, {}, dict[FrameKey, str]()
+    variants, traces, frames = {}, dict[str, str](), dict[FrameKey, str]()
+    shared: dict[str, tuple[str, object]] = {}  # by the key of labels: a variant, and its rows without colour
     for name in manifest["order"]:
         row = manifest["variants"][name]
         variants[name] = VariantRow(row["scene"], row["rig"], row["appearance"])
-        traces[row["scene"]] = row["trace"]
+        labels = {s: {m: v for m, v in by.items() if m != "rgb"} for s, by in row["frames"].items()}
+        own = row["trace"], labels, row.get("intervals", {})
+        other, known = shared.setdefault(variants[name].observation_key, (name, own))
+        if known != own or traces.setdefault(row["scene"], row["trace"]) != row["trace"]:
+            raise ValueError(f"the digests of {name!r} differ from those of {other!r}, which has the same scene")
         for sensor, modalities in row["frames"].items():
             interval = row.get("intervals", {}).get(sensor, 1)
             for modality, values in modalities.items():

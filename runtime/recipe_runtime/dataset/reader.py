@@ -122,10 +122,15 @@ def _nearest_dataset(root: Path) -> str | None:
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
-    """Check that a manifest does not have far more rows than its plan requires.
+    """Check that a manifest has the sensors of its plan, and not far more rows than the plan requires.
 
-    Few surplus rows are reported singly.
+    Few surplus rows, and missing ones, are reported singly.
     """
+    for variant in plan.variants:
+        row = manifest["variants"][variant.variant]
+        surplus = {*row["frames"], *row.get("intervals", {})} - {sensor.name for sensor in variant.rig.sensors}
+        if surplus:
+            raise ValueError(f"{variant.variant} has frames of {min(surplus)!r}, which is no sensor of its plan")
     rows = [row["frames"] for row in manifest["variants"].values()]
     frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
     for number, most, what in (

@@ -25,6 +25,7 @@ from typing import BinaryIO
 from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
+from recipe_compiler.ir.lockfile import is_lockfile
 
 from recipe_runtime.core.files import host_errors
 from recipe_runtime.dataset.json_stream import loads
@@ -123,6 +124,8 @@ def unpacked(path: Path, find_used: Callable[[Path], UsedFiles | None] = lambda 
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_bytes(body)
             (root / "lockfiles").mkdir(exist_ok=True)  # lockfiles in parent folders are then ignored
+        if is_lockfile(root / pack.recipe):  # which `recipe verify` would verify, whatever else the pack holds
+            raise InputError(f"{path}: its recipe {pack.recipe!r} is a lockfile; pack the recipe again")
         _check_used(path, pack, find_used(root / pack.recipe))
         try:
             yield root / pack.recipe

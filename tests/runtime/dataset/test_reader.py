@@ -484,3 +484,34 @@ def test_an_unreadable_dataset_is_not_reported_as_damaged(copy: Path, monkeypatc
     monkeypatch.setattr(manifest_reader, "read", refuse)
     with pytest.raises(InputError, match="cannot be read: Permission denied; allow this user to read the folder"):
         datasets.read(copy)
+
+
+def _with_trace(row: dict[str, Any]) -> None:
+    row["trace"] = "0" * 64
+
+
+def _with_labels(row: dict[str, Any]) -> None:
+    row["frames"]["street"]["labels"][1] = "0" * 64
+
+
+def _without_depth(row: dict[str, Any]) -> None:
+    del row["frames"]["street"]["depth"]
+
+
+def _with_a_ghost(row: dict[str, Any]) -> None:
+    row["frames"]["ghost"] = {"rgb": []}
+
+
+def _with_intervals(row: dict[str, Any]) -> None:
+    row["intervals"] = {"ghost": 7}
+
+
+@pytest.mark.parametrize("forge", [_with_trace, _with_labels, _without_depth, _with_a_ghost, _with_intervals])
+def test_rows_that_variants_share_must_be_equal(copy: Path, forge: Callable[[dict[str, Any]], None]) -> None:
+    """Regression: only the last variant of a scene counted, so false digests in all others passed verification."""
+    manifest: Any = manifest_of(copy)
+    assert len(manifest["order"]) > 1
+    forge(manifest["variants"][manifest["order"][0]])
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=r"which has the same scene|no sensor of its plan"):
+        datasets.read(copy)

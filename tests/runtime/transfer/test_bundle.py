@@ -210,3 +210,11 @@ def test_a_header_with_a_large_size_reserves_no_memory(tmp_path: Path) -> None:
     body[18:26] = b"\xff\xff\xff\x7f" * 2  # the sizes of pack.json
     with pytest.raises(InputError, match=r"and at most [0-9]+ are read"):
         read(_written(tmp_path, bytes(body)))
+
+
+def test_a_lockfile_is_no_recipe_of_a_pack(tmp_path: Path) -> None:
+    """Regression: `recipe verify` verified that lockfile, and files that no recipe uses were not refused."""
+    files = {"lockfiles/a.lock": b"recipe-lock 1\n", "evil.yaml": b"x: 1\n"}
+    path = _written(tmp_path, Pack("lockfiles/a.lock", files).dumps())
+    with pytest.raises(InputError, match="is a lockfile; pack"), unpacked(path):
+        pass
