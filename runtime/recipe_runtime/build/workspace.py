@@ -187,6 +187,7 @@ class Workspace:
             files: the rows of all files of the dataset, by path.
 
         Raises:
+            InputError: meanwhile the existing dataset has received a file that is not its own; nothing is published.
             RunError: another program changed or removed a file since it was written; nothing is published.
         """
         with host_errors(str(self.out), _REMEDY):
@@ -198,6 +199,7 @@ class Workspace:
                 )
             self._sweep(files)
             if self.out.exists():
+                check_out(self.out)  # again: files may have been added during the build
                 self.out.rename(self._partial / "old")
             self.dataset.rename(self.out)
             self._remove()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build import workspace
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.core.files import file_sha256
@@ -70,6 +70,19 @@ def test_a_changed_file_is_named_and_nothing_is_published(
         made(tmp_path, lambda root: how(root / path))
     assert path in str(error.value)
     assert not (tmp_path / "tiny").exists()
+    assert tree(made(tmp_path).path) == fresh
+
+
+@pytest.mark.slow
+def test_a_file_added_to_the_old_dataset_during_the_build_is_kept(fresh: dict[str, bytes], tmp_path: Path) -> None:
+    """Regression: the old dataset was deleted with the notes that its owner wrote into it meanwhile."""
+    first = made(tmp_path)
+    (first.path / PICTURE).unlink()
+    notes = first.path / "notes.txt"
+    with pytest.raises(InputError, match=r"holds a file that is not the dataset's, notes.txt"):
+        made(tmp_path, lambda root: notes.write_text("mine"))
+    assert notes.read_text() == "mine"
+    notes.rename(tmp_path / "notes.txt")
     assert tree(made(tmp_path).path) == fresh
 
 

@@ -16,7 +16,8 @@ from recipe_runtime.annotate.records import FrameRecord, Video
 from recipe_runtime.core import codecs
 from recipe_runtime.frames.shot import Shot
 from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
-from recipe_runtime.report.difference import first_difference, write_difference
+from recipe_runtime.report.difference import first_difference, read_pixels, write_difference
+from recipe_runtime.webdataset import decode
 
 from tests.runtime.fakes import NO_LABELS, sensor_plan
 
@@ -108,3 +109,41 @@ def test_a_picture_that_cannot_be_read_back_is_an_error(tmp_path: Path) -> None:
     for sheet in (contact_sheet, overlay_sheet):
         with pytest.raises(RunError, match=r"000000.png was written and cannot be read back"):
             sheet("tiny", [video], lambda video, frame: broken)
+
+
+def _npz() -> bytes:
+    body = io.BytesIO()
+    np.savez(body, a=np.zeros((2, 2), np.float32))
+    return body.getvalue()
+
+
+def _header(text: str) -> bytes:
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
+
+
+def _profile() -> bytes:
+    """Return a PNG whose colour profile ends after its name."""
+    body = codecs.photograph(np.zeros((2, 2, 3), np.uint8))
+    chunk = b"iCCPabc\0"
+    return body[:-12] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + body[-12:]
+
+
+HOSTILE = [
+    ("npy", _npz()),
+    ("npy", b"PK\x03\x04junk"),
+    ("npy", _header("(\n")),
+    ("npy", _header("{1:2,'descr':3}")),
+    ("npy", _header("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999999, 9)}")),
+    ("npy", _header("1" + "+1" * 3000)),
+    ("png", _profile()),
+]
+
+
+@pytest.mark.parametrize(("ending", "body"), HOSTILE, ids=lambda v: v if isinstance(v, str) else "")
+def test_a_damaged_picture_ends_no_verification(tmp_path: Path, ending: str, body: bytes) -> None:
+    """Regression: NumPy and Pillow raise errors of a dozen types, and one planted file ended `recipe verify`."""
+    path = tmp_path / f"000000.{ending}"
+    path.write_bytes(body)
+    assert read_pixels(path) is None
+    with pytest.raises(ValueError, match=r"cannot be decoded|is not a picture"):
+        decode(f".depth.{ending}", body)
