@@ -79,8 +79,12 @@ def test_a_file_added_to_the_old_dataset_during_the_build_is_kept(fresh: dict[st
     first = made(tmp_path)
     (first.path / PICTURE).unlink()
     notes = first.path / "notes.txt"
+
+    def write_notes(root: Path) -> None:
+        notes.write_text("mine")
+
     with pytest.raises(InputError, match=r"holds a file that is not the dataset's, notes.txt"):
-        made(tmp_path, lambda root: notes.write_text("mine"))
+        made(tmp_path, write_notes)
     assert notes.read_text() == "mine"
     notes.rename(tmp_path / "notes.txt")
     assert tree(made(tmp_path).path) == fresh
