@@ -73,7 +73,8 @@ def compile_recipe(
 
     Raises:
         InputError: with all problems of the recipe.
-        TooLargeError: the recipe exceeds the limits and `allow_large` is not set; raised before any plan is created.
+        TooLargeError: the recipe exceeds the limits, by its estimate or while it is compiled, and `allow_large` is not
+            set.
     """
     guard, sources = CompileGuard(unlimited=allow_large), merge.read(path)
     try:

@@ -22,7 +22,11 @@ class CompileGuard:
     """Measures this thread's processor time and the growth of the process since it was made."""
 
     def __init__(self, *, unlimited: bool = False) -> None:
-        """`unlimited`: report no excess."""
+        """Begin to measure.
+
+        Args:
+            unlimited: report no excess.
+        """
         self._unlimited, self._start, self._peak = unlimited, time.thread_time(), _peak_bytes()
 
     def excess(self, variants: int) -> str | None:

@@ -127,8 +127,8 @@ def _check_cost(where: str, scene: ScenePlan | None, bodies: list[_Body]) -> Non
     from recipe_compiler.limits import size
     from recipe_runtime.frames.surface_views import ViewsCost, estimated_cost
 
-    maps, views = len(_texture_maps(bodies)), 0 if scene is None else len(_static_patches(bodies))
-    cost = ViewsCost(0.0, 0) if scene is None else estimated_cost(scene, views)
+    maps, views = len(_texture_maps(bodies)), len(_static_patches(bodies))
+    cost = estimated_cost(scene, views) if scene is not None else ViewsCost(0.0, 0)
     seconds, host = cost.seconds + maps * _MAP_SECONDS, memory(workers=1)
     reasons = []
     if seconds > _TIME_LIMIT:
@@ -205,7 +205,7 @@ def _draw(scene: ScenePlan | None, looks: Looks | None, bodies: list[_Body], fol
     from recipe_cli.progress import Progress
 
     mapped = _texture_maps(bodies)
-    flat = _static_patches(bodies) if scene is not None else []
+    flat = _static_patches(bodies)
     sheets = [flat[n : n + _PICTURES_PER_SHEET] for n in range(0, len(flat), _PICTURES_PER_SHEET)]
     maps = {folder / f"{body.name}.{surface.name}.png": (body, surface) for body, surface in mapped}
     pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]

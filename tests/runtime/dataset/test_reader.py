@@ -174,6 +174,16 @@ def test_a_damaged_manifest_is_an_error_of_one_line(copy: Path, harm: Callable[[
     assert not is_whole(manifest, PLAN, copy)
 
 
+def test_a_damaged_manifest_has_a_remedy_that_works(copy: Path) -> None:
+    """Regression: the remedy was to build again, which refuses a folder without a manifest that can be read."""
+    manifest: Any = manifest_of(copy)
+    manifest["variants"][manifest["order"][0]]["frames"] = 3
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match="is damaged") as caught:
+        datasets.read(copy)
+    assert caught.value.problems[0].help == "move the folder away, and build the dataset again"
+
+
 def test_a_deeply_nested_manifest_is_refused(copy: Path) -> None:
     (copy / "manifest.json").write_text('{"a":' * 100_000)
     with pytest.raises(InputError, match="is not a dataset"):
@@ -498,15 +508,15 @@ def _without_depth(row: dict[str, Any]) -> None:
     del row["frames"]["street"]["depth"]
 
 
-def _with_a_ghost(row: dict[str, Any]) -> None:
-    row["frames"]["ghost"] = {"rgb": []}
+def _with_another_sensor(row: dict[str, Any]) -> None:
+    row["frames"]["other"] = {"rgb": []}
 
 
 def _with_intervals(row: dict[str, Any]) -> None:
-    row["intervals"] = {"ghost": 7}
+    row["intervals"] = {"other": 7}
 
 
-@pytest.mark.parametrize("forge", [_with_trace, _with_labels, _without_depth, _with_a_ghost, _with_intervals])
+@pytest.mark.parametrize("forge", [_with_trace, _with_labels, _without_depth, _with_another_sensor, _with_intervals])
 def test_rows_that_variants_share_must_be_equal(copy: Path, forge: Callable[[dict[str, Any]], None]) -> None:
     """Regression: only the last variant of a scene counted, so false digests in all others passed verification."""
     manifest: Any = manifest_of(copy)
