@@ -25,7 +25,7 @@ from recipe_runtime.annotate.records import LabelRecord, Video
 from recipe_runtime.core import codecs
 
 _GROUND = (24, 26, 31)
-_EMPTY = (33, 36, 42)
+_FRAME = (33, 36, 42)  # around a picture of another shape than the first
 _INK = (236, 238, 241)
 _CAPTION_INK = (196, 200, 207)
 _MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
@@ -144,12 +144,9 @@ def _sheet(title: str, cells: Sequence[Cell], draw: Callable[[Cell, Size], Image
     sheet = Image.new("RGB", size, _GROUND)
     pen = ImageDraw.Draw(sheet)
     pen.text((_MARGIN, 20), title, fill=_INK, font=ImageFont.load_default(22))
-    for row in range(rows):
-        for column in range(columns):
-            corner = _MARGIN + column * step[0], _TITLE + row * step[1]
-            pen.rectangle((*corner, corner[0] + width - 1, corner[1] + height - 1), fill=_EMPTY)
     for cell in cells:
         corner = _MARGIN + cell.column * step[0], _TITLE + cell.row * step[1]
+        pen.rectangle((*corner, corner[0] + width - 1, corner[1] + height - 1), fill=_FRAME)
         fit = _fit(cell.video.sensor.camera, (width, height))
         sheet.paste(draw(cell, fit), (corner[0] + (width - fit[0]) // 2, corner[1] + (height - fit[1]) // 2))
         _caption(pen, cell.caption, (corner[0], corner[1] + height + 5), width)

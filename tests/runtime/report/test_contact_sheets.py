@@ -66,3 +66,12 @@ def test_the_number_of_pictures_is_bounded(tmp_path: Path) -> None:
     sheet = _sheet(tmp_path, [_sensor("front"), _sensor("rear")], [f"v={n}" for n in range(300)])
     assert sheet.shape[0] * sheet.shape[1] < 96 * 400 * 340
     assert _areas(sheet)["rear"] > 0
+
+
+def test_a_combination_of_values_without_a_variant_leaves_its_place_empty(tmp_path: Path) -> None:
+    """Excluded variants were gray rectangles, which looked like pictures that failed."""
+    whole, part = (_sheet(tmp_path, [_sensor("front")], names) for names in (VARIANTS, VARIANTS[:-1]))
+    assert whole.shape == part.shape
+    rows, columns = np.nonzero((whole != part).any(axis=-1))
+    place = part[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    assert (place == part[0, 0]).all()
