@@ -1,7 +1,7 @@
 """A variant as a sequence of frames, rendered on demand, in any order, in any process.
 
 The same function renders the frames of a build, so pixels are equal. Engines are created on first use, and again in a
-process that inherited or unpickled a scenario, so that each worker of a `DataLoader` has its own.
+process that inherited or unpickled a scenario, so that each worker of a `DataLoader` has its own. Threads take turns.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.frames.engines import Engines, devices, real_engines
+from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.frames.source import SceneSource
 
 if TYPE_CHECKING:
@@ -54,9 +55,10 @@ class Scenes:
     """A least-recently-used cache of loaded scenes and observations; another process starts with an empty one."""
 
     def __init__(self, device: str = "cpu", engines: Engines | None = None, store: Store | None = None) -> None:
-        self.device = devices(device)[0]
+        self.device = devices(str(device))[0]  # or a `torch.device`
         self._engines = engines or real_engines()
         self._store = store or Store()
+        self.exclusive = ProcessLock()  # that a thread holds while it uses the scenes, or a frame of `patched_frame`
         self._process = os.getpid()
         self._sources: OrderedDict[str, SceneSource] = OrderedDict()
         self._observations: OrderedDict[tuple[str, str, int], tuple[Any, Observed]] = OrderedDict()  # with its renderer
@@ -69,12 +71,13 @@ class Scenes:
 
     def close(self) -> None:
         """Release renderers and the lease of the cache; both are acquired again when needed."""
-        self._sources.clear()
-        self._observations.clear()
-        self._patched.clear()
-        if self._release is not None:
-            self._release()
-            self._release = None
+        with self.exclusive():
+            self._sources.clear()
+            self._observations.clear()
+            self._patched.clear()
+            if self._release is not None:
+                self._release()
+                self._release = None
 
     def source(self, scene: ScenePlan) -> SceneSource:
         """Return the frame source of a scene; simulates it unless the store has its Trace."""
@@ -107,9 +110,8 @@ class Scenes:
         if key not in self._patched:
             while len(self._patched) >= PATCHED_FRAME_CACHE_SIZE or self._patched_bytes() > PATCHED_FRAME_CACHE_BYTES:
                 self._patched.popitem(last=False)
-            seen = self.observe(plan.scene, sensor, frame)
-            source = self.source(plan.scene)
-            self._patched[key] = RetexturedFrame(source, seen, plan.appearance, sensor, frame)
+            source, seen = self.source(plan.scene), self.observe(plan.scene, sensor, frame)
+            self._patched[key] = RetexturedFrame(source, seen, plan.appearance, sensor, frame, self.exclusive)
         self._patched.move_to_end(key)
         return self._patched[key]
 
@@ -251,7 +253,8 @@ class Scenario(Sequence[Frame]):
             )
         if textures and modality == "rgb":
             images = as_images(self.plan.appearance.patches, textures)
-            return self._scenes.patched_frame(self.plan, plan, frame).render(images)
+            with self._scenes.exclusive():
+                return self._scenes.patched_frame(self.plan, plan, frame).render(images)
         if self._disk_cache is None:
             return self._render(frame, plan, modality)
         key = self._key(frame, plan, modality)
@@ -274,7 +277,13 @@ class Scenario(Sequence[Frame]):
         plan, scene = self._sensor(sensor), self.plan.scene
         numbers = [self._taken(frame, plan) for frame in (plan.frames(len(self)) if frames is None else frames)]
         appearances = [self.plan.appearance] if "rgb" in plan.capture else []
-        for made in self._scenes.source(scene).make(plan, appearances, numbers, in_flight=MAX_CONCURRENT_FRAMES):
+        with self._scenes.exclusive():
+            rest = self._scenes.source(scene).make(plan, appearances, numbers, in_flight=MAX_CONCURRENT_FRAMES)
+        while True:
+            with self._scenes.exclusive():
+                made = next(rest, None)
+            if made is None:
+                return
             pictures: dict[str, NDArray[np.generic]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 
@@ -299,7 +308,8 @@ class Scenario(Sequence[Frame]):
 
         plan = self._sensor(sensor)
         found = differentiable_patch(self.plan.appearance.patches, patch)
-        return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), found, size)
+        with self._scenes.exclusive():
+            return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), found, size)
 
     def patches(self, frame: int, sensor: str | None = None) -> FrameTruth:
         """Return the ground truth of the patches of a frame, as `recipe build` writes it.
@@ -310,8 +320,9 @@ class Scenario(Sequence[Frame]):
         """
         plan, scene = self._sensor(sensor), self.plan.scene
         frame = self._taken(frame, plan)
-        source, seen = self._scenes.source(scene), self._scenes.observe(scene, plan, frame)
-        return patch_truth(source, self.plan.appearance, plan, seen, frame)
+        with self._scenes.exclusive():
+            source, seen = self._scenes.source(scene), self._scenes.observe(scene, plan, frame)
+            return patch_truth(source, self.plan.appearance, plan, seen, frame)
 
     def patch_metadata(self, frame: int, patch: str | None = None, sensor: str | None = None) -> PatchMetadata | None:
         """Return a patch of a frame in the form that Armory's attacks expect; None if it is not visible.
@@ -338,20 +349,23 @@ class Scenario(Sequence[Frame]):
         """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""
         plan, scene = self._sensor(sensor), self.plan.scene
         frame = self._taken(frame, plan)
-        return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)["objects"]
+        with self._scenes.exclusive():
+            return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)["objects"]
 
     def calibration(self, frame: int, sensor: str | None = None) -> Calibration:
         """Return K, distortion and pose of a sensor at a frame that it takes; see `annotate.calibration`."""
         plan = self._sensor(sensor)
-        trace = self._scenes.source(self.plan.scene).trace
+        with self._scenes.exclusive():
+            trace = self._scenes.source(self.plan.scene).trace
         return calibration(plan.camera, sensor_transform(plan, trace, self._taken(frame, plan)))
 
     def _render(self, frame: int, plan: SensorPlan, modality: str) -> NDArray[np.generic]:
         scene = self.plan.scene
-        seen = self._scenes.observe(scene, plan, frame)
-        if modality == "rgb":
-            return self._scenes.source(scene).shade(seen, self.plan.appearance, plan, frame)
-        return label_array(seen, modality).copy()  # the observation is cached
+        with self._scenes.exclusive():
+            seen = self._scenes.observe(scene, plan, frame)
+            if modality == "rgb":
+                return self._scenes.source(scene).shade(seen, self.plan.appearance, plan, frame)
+            return label_array(seen, modality).copy()  # the observation is cached
 
     def _key(self, frame: int, plan: SensorPlan, modality: str) -> str:
         """Return the cache key of these pixels: a digest of plans, frame, modality and code."""

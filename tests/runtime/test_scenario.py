@@ -5,6 +5,11 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import threading
+import time
+import weakref
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NoReturn, cast
 
@@ -150,6 +155,54 @@ def test_a_forked_process_creates_its_own_engines(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(os, "getpid", lambda: -1)  # as after a fork
     scenario.render(2)
     assert made[1:] == [-1]
+
+
+def test_threads_take_turns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: one thread overwrote the buffers of another, and a sixth of the pictures were wrong."""
+    busy, expected = threading.Lock(), [_fake().render(frame) for frame in range(6)]
+
+    def alone(call: Callable[..., Any]) -> Callable[..., Any]:
+        def called(*arguments: Any, **named: Any) -> Any:
+            assert busy.acquire(blocking=False), "two threads render"
+            try:
+                time.sleep(0.002)
+                return call(*arguments, **named)
+            finally:
+                busy.release()
+
+        return called
+
+    def renderer(scene: ScenePlan, device: str) -> SceneRenderer:
+        made = ENGINES.renderer(scene, device)
+        for name in ("observe", "shade"):
+            monkeypatch.setattr(made, name, alone(getattr(made, name)))
+        return made
+
+    engines = Engines(ENGINES.simulate, ENGINES.actors, renderer)
+    scenario = Scenario(dataset_plan(frames=6).variants[0], Scenes(engines=engines))
+    with ThreadPoolExecutor(3) as threads:
+        streamed = threads.submit(lambda: [arrays["rgb"].copy() for _, arrays in scenario.stream()])
+        labels = threads.submit(lambda: [scenario.labels(frame) for frame in range(6)])
+        rendered = list(threads.map(scenario.render, range(6)))
+    np.testing.assert_array_equal(rendered, expected)
+    np.testing.assert_array_equal(streamed.result(), expected)
+    assert all(labels.result())
+
+
+def test_a_forked_process_does_not_wait_for_a_thread_of_its_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = _fake()
+    expected = scenario.render(1)
+    with scenario._scenes.exclusive(), ThreadPoolExecutor(1) as child:
+        monkeypatch.setattr(os, "getpid", lambda: -1)  # as after a fork, when another thread held the lock
+        np.testing.assert_array_equal(child.submit(scenario.render, 1).result(timeout=20), expected)
+
+
+def test_a_view_of_a_frame_does_not_keep_its_scene_in_memory() -> None:
+    """It keeps the lock, which must not refer to the renderers, or to the lease of the cache."""
+    scenes = Scenes(engines=ENGINES)
+    gone, _lock = weakref.ref(scenes), scenes.exclusive
+    del scenes
+    assert gone() is None
 
 
 def test_the_disk_cache_is_used_except_for_damaged_entries(tmp_path: Path) -> None:

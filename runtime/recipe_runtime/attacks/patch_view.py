@@ -14,6 +14,7 @@ noise: see `lens_light`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,7 @@ from recipe_runtime.attacks.textures import (
     check_size,
 )
 from recipe_runtime.core.host import check_memory
+from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
@@ -71,8 +73,15 @@ class PatchView:
         mips: Products with M and its transpose.
     """
 
-    def __init__(self, frame: PatchedFrame, patch: str, width: int, height: int) -> None:
-        self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
+    def __init__(
+        self, frame: PatchedFrame, patch: str, width: int, height: int, exclusive: ProcessLock | None = None
+    ) -> None:
+        self._frame, self.patch, self.shape, self._exclusive = (
+            frame,
+            patch,
+            (height, width, 3),
+            exclusive or ProcessLock(),
+        )
         rows = frame.rows(patch)
         self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
         self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
@@ -127,7 +136,9 @@ class PatchView:
         Args:
             texture: uint8, or 0 to 1 (rounded to 8 bits), [h, w, 3]; of any size.
         """
-        return self._frame.render({self.patch: as_image(self.patch, texture)})
+        image = as_image(self.patch, texture)
+        with self._exclusive():
+            return self._frame.render({self.patch: image})
 
     def rounded(self, texture: Texture) -> NDArray[np.uint8]:
         """Return the picture for a texture by the linear map, rounded where the renderer rounds.
@@ -169,8 +180,8 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
         size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
-        InputError: No size is given and the patch has no image, the size is too large, or the view needs more memory
-            than there is.
+        InputError: No size is given and the patch has no image, the size is no pair or too large, or the view needs
+            more memory than there is.
     """
     name = patch.name
     if size is None:
@@ -178,9 +189,11 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
         if own is None:
             raise InputError(f"patch {name}: its texture is a colour, which has no size; give the texture's size")
         size = own[1], own[0]
+    if not isinstance(size, Sequence) or len(size) != 2:
+        raise InputError(f"patch {name}: the size of its texture is {size!r}; give height and width")
     check_size(name, size[1], size[0])
     what = f"the gradient of a texture of {size[1]} x {size[0]} texels"
     check_memory(_GRADIENT_BYTES * size[0] * size[1], what, "use a smaller texture")
     if patch.inserted:
         return InsertedView(frame, name, size[1], size[0])
-    return PatchView(frame.scene, name, size[1], size[0])
+    return PatchView(frame.scene, name, size[1], size[0], frame.exclusive)

@@ -15,6 +15,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core.host import check_memory
 from recipe_runtime.core.interfaces import Observed
+from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.insertion.inserter import InsertedPixels, Inserter
 
@@ -33,9 +34,25 @@ class RetexturedFrame:
     """
 
     def __init__(
-        self, source: SceneSource, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int
+        self,
+        source: SceneSource,
+        seen: Observed,
+        appearance: AppearancePlan,
+        sensor: SensorPlan,
+        frame: int,
+        exclusive: ProcessLock,
     ) -> None:
-        """Record the frame; arguments are those of `SceneSource.shade`."""
+        """Record the frame.
+
+        Args:
+            source: The scene.
+            seen: The sensor's observation of the frame, by `source`.
+            appearance: The appearance.
+            sensor: The sensor.
+            frame: Number of the frame.
+            exclusive: The lock of the scene, with which the frame shares buffers.
+        """
+        self.exclusive = exclusive
         self._appearance, self._sensor, self._number = appearance, sensor, frame
         self._inserter: Inserter = source.inserter
         recorder = _Recorder(source, seen, sensor, frame)
@@ -67,7 +84,8 @@ class RetexturedFrame:
         inserted = {patch.name for patch in self.patches if patch.inserted}
         rendered = {name: texture for name, texture in textures.items() if name not in inserted}
         replay = _Replay(self._frames, self._maps, rendered)
-        return self._inserter.picture(replay, self._appearance, self._sensor, self._number, textures)
+        with self.exclusive():
+            return self._inserter.picture(replay, self._appearance, self._sensor, self._number, textures)
 
     def inserted_pixels(self, patch: str) -> InsertedPixels | None:
         """Return the pixels into which a patch is inserted; None if it is not visible."""
