@@ -15,13 +15,14 @@ to pictures, with the exact gradient.
 
 from __future__ import annotations
 
+import operator
 from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ class RecipeDataset(Dataset[Sample]):
         """
         scenario, sensor, frame = self._at(index)
         sample: Sample = {"variant": scenario.variant, "sensor": sensor, "frame": frame}
-        for modality in self._modalities or scenario.modalities(sensor):
+        for modality in scenario.modalities(sensor) if self._modalities is None else self._modalities:
             sample[modality] = _tensor(modality, scenario.render(frame, sensor, modality))
         if self._target:
             sample["target"] = _target(scenario.labels(frame, sensor))
@@ -171,7 +172,7 @@ class SceneView(torch.nn.Module):
         memory: About how many bytes of memory to use for frames kept between calls; others are rendered again.
 
     Raises:
-        InputError: The recipe is invalid, or a named variant, patch or sensor does not exist.
+        InputError: The recipe is invalid, a named variant, patch or sensor does not exist, or there is no frame.
     """
 
     def __init__(
@@ -191,7 +192,11 @@ class SceneView(torch.nn.Module):
         first = next(iter(self._scenarios))
         if frames is None:
             frames = [(name, k) for name, scenario in self._scenarios.items() for k in scenario.frames(sensor)]
-        self.frames: list[Place] = [(first, place) if isinstance(place, int) else place for place in frames]
+        self.frames: list[Place] = [
+            (first, operator.index(p)) if isinstance(p, SupportsIndex) else (p[0], p[1]) for p in frames
+        ]
+        if not self.frames:
+            raise InputError("a SceneView has one frame or more, and `frames` has none")
         unknown = [variant for variant, _ in self.frames if variant not in self._scenarios]
         if unknown:
             raise InputError(f"there is no variant {unknown[0]!r}; the variants are {', '.join(self._scenarios)}")
@@ -220,7 +225,7 @@ class SceneView(torch.nn.Module):
         """Return pictures of the texture.
 
         Args:
-            texture: sRGB, 0 to 1, [1, 3, h, w]; values outside are clipped, and have no gradient.
+            texture: sRGB, floats from 0 to 1, [1, 3, h, w]; values outside are clipped, and have no gradient.
             batch: Number of frames to render; all by default.
             step: The first frame is `step * batch`, modulo the number of frames.
 
@@ -228,8 +233,10 @@ class SceneView(torch.nn.Module):
             Pictures [n, 3, H, W], 0 to 1, of the texture's dtype and device.
 
         Raises:
-            InputError: The texture is not an image, or is larger than a recipe's image may be.
+            InputError: The texture is not an image of floats, or is larger than a recipe's image may be, the batch is
+                empty, or its pictures differ in size.
         """
+        _check_texture(self.patch, texture)
         size = int(texture.shape[-2]), int(texture.shape[-1])
         views = [self._view(place, size) for place in self._places(batch, step)]
         pictures: torch.Tensor = _Pictures.apply(texture, views, self.quantise)  # type: ignore[no-untyped-call, unused-ignore]
@@ -237,6 +244,8 @@ class SceneView(torch.nn.Module):
 
     def _places(self, batch: int | None, step: int) -> list[Place]:
         size = len(self.frames) if batch is None else batch
+        if size < 1:
+            raise InputError(f"a batch has one picture or more, and not {size}")
         return [self.frames[(step * size + k) % len(self.frames)] for k in range(size)]
 
     def _view(self, place: Place, size: tuple[int, int]) -> View:
@@ -255,6 +264,17 @@ class SceneView(torch.nn.Module):
         return {name: values.clone() for name, values in self._targets[place].items()}
 
 
+def _check_texture(patch: str, texture: object) -> None:
+    """Raise InputError if a texture is not a tensor of floats of at least two axes; `as_array` checks the rest."""
+    if not isinstance(texture, torch.Tensor) or not texture.is_floating_point() or texture.ndim < 2:
+        kind = f"{texture.dtype}" if isinstance(texture, torch.Tensor) else type(texture).__name__
+        shape = f" of the shape {tuple(texture.shape)}" if isinstance(texture, torch.Tensor) else ""
+        raise InputError(
+            f"the texture of {patch} is {kind}{shape}; give a tensor [1, 3, height, width] of floats from 0 to 1, such"
+            " as 8-bit values divided by 255"
+        )
+
+
 class _Pictures(torch.autograd.Function):
     """Pictures of a texture in several views; gradients are summed in the order of the views."""
 
@@ -268,6 +288,11 @@ class _Pictures(torch.autograd.Function):
             pictures = [view.render(image) / np.float32(255.0) for view in views]
         else:
             pictures = [view.forward(values) for view in views]
+        sizes = {f"{picture.shape[1]} x {picture.shape[0]}" for picture in pictures}
+        if len(sizes) > 1:
+            raise InputError(
+                f"pictures of {' and '.join(sorted(sizes))} pixels are no batch; choose frames of one size"
+            )
         stacked = np.ascontiguousarray(np.stack(pictures).transpose(0, 3, 1, 2))
         return torch.from_numpy(stacked).to(dtype=texture.dtype, device=texture.device)
 
@@ -278,8 +303,23 @@ class _Pictures(torch.autograd.Function):
         for view, gradient in zip(ctx.views, pictures, strict=True):
             total = total + view.backward(ctx.values, gradient)
         total = np.where(ctx.clipped, 0.0, total)
-        found = torch.from_numpy(np.ascontiguousarray(total.transpose(2, 0, 1)))
-        return found.reshape(ctx.texture.shape).to(dtype=ctx.texture.dtype, device=ctx.texture.device), None, None
+        found = torch.from_numpy(np.ascontiguousarray(total.transpose(2, 0, 1))).reshape(ctx.texture.shape)
+        found = found.to(dtype=ctx.texture.dtype, device=ctx.texture.device)
+        if torch.is_grad_enabled():  # create_graph=True
+            found = _Once.apply(found, ctx.texture, gradients[0])  # type: ignore[no-untyped-call, unused-ignore]
+        return found, None, None
+
+
+class _Once(torch.autograd.Function):
+    """A gradient that depends on texture and pictures, and has no derivative itself."""
+
+    @staticmethod
+    def forward(ctx: Any, found: torch.Tensor, *_: torch.Tensor) -> torch.Tensor:
+        return found.clone()
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: torch.Tensor) -> Any:
+        raise InputError("the gradient of a SceneView cannot be differentiated again; use no penalty on gradients")
 
 
 def _scenarios(recipe: str | PathLike[str] | DatasetPlan | Scenario, device: str) -> dict[str, Scenario]:

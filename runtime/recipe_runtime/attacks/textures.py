@@ -64,9 +64,11 @@ def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, object]) ->
     """Return textures by the name of their patch, uint8 [h, w, 3] sRGB; see `as_array` for what is accepted.
 
     Raises:
-        InputError: A patch does not exist or its mode is `green`, a texture is not an image or has floats outside
-            0 to 1, or the textures need more memory than there is.
+        InputError: The textures are no mapping, a patch does not exist or its mode is `green`, a texture is not an
+            image or has floats outside 0 to 1, or the textures need more memory than there is.
     """
+    if not isinstance(textures, Mapping):
+        raise InputError(f"the textures are a {type(textures).__name__}; give a dictionary from names of patches")
     found = {textured_patch(patches, name).name: as_array(name, texture) for name, texture in textures.items()}
     texels = sum(array.shape[0] * array.shape[1] for array in found.values())
     check_memory(_TEXEL_BYTES * texels, f"{count(len(found), 'texture')} of {texels:,} texels", "use smaller textures")
@@ -177,13 +179,25 @@ def _channels_last(what: str, given: Any) -> NDArray[np.generic]:
         InputError: It is not an array.
     """
     if hasattr(given, "detach"):  # a tensor, channels first
-        given = given.detach().cpu().numpy()
+        given = _of_tensor(what, given.detach().cpu())
         if given.ndim == 4 and given.shape[0] == 1:
             given = given[0]
         given = np.moveaxis(given, 0, -1) if given.ndim == 3 else given
     try:
         values: NDArray[np.generic] = np.asarray(given)
     except ValueError as error:  # lists of unequal lengths
+        raise InputError(f"{what} is not an array: {error}") from None
+    return values
+
+
+def _of_tensor(what: str, tensor: Any) -> NDArray[np.generic]:
+    """Return a tensor as an array; of types that NumPy lacks, such as bfloat16, as float32."""
+    try:
+        try:
+            values: NDArray[np.generic] = tensor.numpy()
+        except TypeError:
+            values = tensor.float().numpy()
+    except (TypeError, RuntimeError) as error:  # such as sparse tensors
         raise InputError(f"{what} is not an array: {error}") from None
     return values
 

@@ -176,3 +176,53 @@ def test_unknown_names_are_refused(recipe: Path) -> None:
         SceneView(recipe, "poster", [("weather=snow", 0)])
     with pytest.raises(InputError, match="no patch 'sticker'"):
         SceneView(recipe, "sticker", [(RENDERED, 0)])
+
+
+@pytest.mark.parametrize(
+    ("texture", "match"),
+    [
+        (torch.full((1, 3, 4, 4), 200, dtype=torch.uint8), "is torch.uint8 of the shape .*divided by 255"),
+        (np.full((4, 4, 3), 0.5), "is ndarray; give a tensor"),
+        (torch.full((9,), 0.5), "of the shape"),
+    ],
+)
+def test_textures_of_other_types_are_refused(view: Any, texture: object, match: str) -> None:
+    """Regression: bytes were taken for floats and clipped to 1, and the pictures, rounded down to bytes, were black."""
+    with pytest.raises(InputError, match=match):
+        view.pictures(texture, batch=1)
+
+
+def test_the_gradient_has_no_derivative(view: Any) -> None:
+    """Regression: a penalty on the gradient lost its share of the derivative without a message."""
+    texture = texture_of(SECOND, requires_grad=True)
+    loss = (view.pictures(texture, batch=1) ** 2).sum()
+    (gradient,) = torch.autograd.grad(loss, texture, create_graph=True)
+    assert torch.equal(gradient, torch.autograd.grad((view.pictures(texture, batch=1) ** 2).sum(), texture)[0])
+    with pytest.raises(InputError, match="cannot be differentiated again"):
+        torch.autograd.grad((gradient**2).sum() + texture.sum(), texture)
+
+
+def test_bfloat16_is_accepted(view: Any, recipe: Path) -> None:
+    """Regression: NumPy has no such type, so a TypeError of PyTorch came out."""
+    texture = texture_of(SECOND).to(torch.bfloat16)
+    assert torch.equal(
+        view.pictures(texture, batch=1).float(), view.pictures(texture.float(), batch=1).to(torch.bfloat16).float()
+    )
+    with recipe_runtime.open(recipe, RENDERED) as scene:
+        shown = scene.render(0, textures={"poster": texture})
+        np.testing.assert_array_equal(shown, scene.render(0, textures={"poster": texture.float()}))
+        one = scene.patch_view(0, "poster", size=(len(SECOND), len(SECOND[0])))
+        ones = torch.ones((3, 64, 96))
+        np.testing.assert_array_equal(
+            one.backward(texture, ones.to(torch.bfloat16)), one.backward(texture.float(), ones)
+        )
+
+
+def test_frames_and_batches_are_checked(view: Any, recipe: Path) -> None:
+    from recipe_runtime.torch import SceneView
+
+    assert SceneView(recipe, "poster", np.arange(2)).frames == SceneView(recipe, "poster", [0, 1]).frames  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="has none"):
+        SceneView(recipe, "poster", [])
+    with pytest.raises(InputError, match="a batch has one picture or more, and not 0"):
+        view(texture_of(SECOND), batch=0)

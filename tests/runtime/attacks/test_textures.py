@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as StillRunningError
 from pathlib import Path
 from typing import Any
 
@@ -223,3 +225,26 @@ def test_a_view_refuses_arrays_that_are_no_image(scene: Scenario, given: Any) ->
 def test_sizes_of_textures_are_whole_numbers_within_limits(scene: Scenario, size: Any) -> None:
     with pytest.raises(InputError, match="the texture of poster"):
         scene.patch_view(0, "poster", size=size)
+
+
+def test_a_view_waits_for_threads_that_use_its_scene(scene: Scenario) -> None:
+    """Its frame shares tables and buffers with the renderer."""
+    view = scene.patch_view(0, "poster", size=(9, 7))
+    expected = view.render(SECOND)
+    with ThreadPoolExecutor(1) as other:
+        with scene._scenes.exclusive():
+            rendered = other.submit(view.render, SECOND)
+            with pytest.raises(StillRunningError):
+                rendered.result(timeout=0.2)
+        np.testing.assert_array_equal(rendered.result(timeout=20), expected)
+
+
+@pytest.mark.parametrize("size", [(5,), 5, (4, 5, 3)])
+def test_a_size_is_a_pair(scene: Scenario, size: Any) -> None:
+    with pytest.raises(InputError, match="give height and width"):
+        scene.patch_view(0, "poster", size=size)
+
+
+def test_textures_are_named(scene: Scenario) -> None:
+    with pytest.raises(InputError, match="the textures are a list; give a dictionary"):
+        scene.render(0, textures=[SECOND])  # type: ignore[arg-type]
