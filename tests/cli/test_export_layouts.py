@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 from recipe_cli.commands import export
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import RigPlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.transfer import layouts
 
@@ -34,6 +35,20 @@ def test_a_layout_is_written_and_reported(dataset: Path, tmp_path: Path, form: s
     report = json.loads(again.output)
     assert (report["dataset"], report["layout"], report["files"]) == (index["dataset"], form, len(index["files"]))
     assert report["bytes"] == sum(size for size, _ in index["files"].values())
+
+
+def test_lens_distortion_is_reported_for_kitti(tmp_path: Path) -> None:
+    """Regression: boxes projected by a calibration of KITTI missed the pictures, without a message."""
+    plan = dataset_plan(2, 1)
+    sensor = plan.variants[0].rig.sensors[0]
+    bent = sensor.model_copy(update={"camera": sensor.camera.model_copy(update={"lens_k": 0.3})})
+    variant = plan.variants[0].model_copy(update={"rig": RigPlan(sensors=(bent,))})
+    plan = plan.model_copy(update={"variants": (variant,)})
+    made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    for form, warned in (("kitti", True), ("mots", False)):
+        call = [str(made), str(tmp_path / form), "--format", form]
+        done = CliRunner().invoke(export.command, call, catch_exceptions=False)
+        assert (done.exit_code, "pictures of street have lens distortion" in done.stderr) == (0, warned)
 
 
 def test_a_patch_can_be_chosen_for_armory_only(dataset: Path, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from recipe_cli.console import print_json, say, warn
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
+    from recipe_runtime.dataset.reader import Dataset
     from recipe_runtime.transfer.layouts import Layout
 
 _MAX_SHARD = 1 << 50  # bytes
@@ -77,10 +78,11 @@ def command(
             code=Code.OUT_OF_RANGE,
         )
     if form != "webdataset":
+        found = read(dataset)
         with Progress(quiet=as_json) as progress:
-            made = layouts.export_layout(
-                read(dataset), folder, cast("Layout", form), progress, patch=patch, replace=replace
-            )
+            made = layouts.export_layout(found, folder, cast("Layout", form), progress, patch=patch, replace=replace)
+        if form == "kitti":
+            _warn_of_distortion(found)
         total = sum(cast("int", row[0]) for row in made["files"].values())
         left_out = {"left_out": _report_left_out(folder, made["files"], as_json)} if form == "armory" else {}
         if as_json:
@@ -99,6 +101,19 @@ def command(
     samples = sum(shard["samples"] for shard in written)
     say(f"{folder}: {count(samples, 'sample')} in {count(len(written), 'shard')}, {size(total)}")
     say(index["dataset"])
+
+
+def _warn_of_distortion(dataset: Dataset) -> None:
+    """Warn of sensors whose pictures a calibration of KITTI does not describe."""
+    from recipe_compiler.ir.errors import Code, Problem
+    from recipe_compiler.ir.optics import bends
+
+    sensors = [sensor for variant in dataset.plan.variants for sensor in variant.rig.sensors]
+    bent = next((sensor.name for sensor in sensors if bends(sensor.camera)), None)
+    if bent is not None:
+        what = f"pictures of {bent} have lens distortion, which KITTI's calibration cannot describe"
+        remedy = "undistort them with the `distortion` in labels.jsonl, or set lens_k and lens_kcube to 0"
+        warn(Problem(what, None, remedy, Code.INVALID_DATASET))
 
 
 def _report_left_out(folder: Path, files: Iterable[str], as_json: bool) -> int:

@@ -53,8 +53,15 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def pose_lines(frames: Iterable[LabelledFrame]) -> Iterator[str]:
-    """Yield the lines of `poses/<sequence>.txt`: camera to world of each frame, the first three rows."""
+    """Yield the lines of `poses/<sequence>.txt`: camera to world of each frame, the first three rows.
+
+    Line k, from 0, is that of frame k; of a frame without a picture, it consists of `nan`.
+    """
+    line = 0
     for frame in frames:
+        for _ in range(line, frame["frame"]):
+            yield " ".join(["nan"] * 12) + "\n"
+        line = frame["frame"] + 1
         yield _numbers(frame["calibration"]["camera_to_world"][:3]) + "\n"
 
 

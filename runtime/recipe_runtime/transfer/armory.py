@@ -6,6 +6,7 @@
         MART reads this layout too
     carla_mot/dev/VIDEO/: rgb/, foreground_mask/, patch_metadata/, instances.txt
     carla_video_tracking/dev/VIDEO/: 000001.png, 000001_mask.png, ..., gt_boxes.npy, gs_coords.npy
+    In the last two, pictures are counted from 1: those of a sensor with a tick have no gaps.
     left_out.csv: frames and videos that a loader or an attack cannot use, with the reason
 
 The patch is the one that the export names, else the first of each variant: the loaders take one per sample. Boxes are
@@ -112,16 +113,16 @@ def sequence_files(sequence: ExportSequence) -> Iterator[Entry]:
         return
     frames = _frames(sequence, patch)
     coordinates, targets, rows = _coordinates(frames), _target_boxes(frames), _instances(frames)
-    for frame, corners in zip(frames, coordinates, strict=True):
+    for step, (frame, corners) in enumerate(zip(frames, coordinates, strict=True), start=1):
         picture, mask = sequence.picture(frame.number), _mask_png(sequence, patch, frame.number)
         yield from _detection_files(sequence, patch, frame, picture, mask)
         if corners is not None and rows is not None:
-            folder, stem = f"{_MOT}/{_video(sequence)}", f"{frame.number + 1:06d}"
+            folder, stem = f"{_MOT}/{_video(sequence)}", f"{step:06d}"
             yield f"{folder}/rgb/{stem}.png", picture
             yield f"{folder}/foreground_mask/{stem}.png", mask
             yield f"{folder}/patch_metadata/{stem}.npy", codecs.npy(corners)
         if corners is not None and targets is not None:
-            folder, stem = f"{_TRACKING}/{_video(sequence)}", f"{frame.number + 1:06d}"
+            folder, stem = f"{_TRACKING}/{_video(sequence)}", f"{step:06d}"
             yield f"{folder}/{stem}.png", picture
             yield f"{folder}/{stem}_mask.png", mask
     found = [corners for corners in coordinates if corners is not None]

@@ -202,6 +202,19 @@ def test_mot_is_read_back(export: Path, recipe: Path) -> None:
 
 
 @pytest.mark.slow
+def test_pictures_of_a_slow_sensor_are_numbered_as_its_labels(tmp_path: Path) -> None:
+    """Regression: instances.txt counted the pictures of a sensor with a tick, and their names the clip's frames."""
+    (tmp_path / "recipe.yaml").write_text(RECIPE.replace("[rgb, depth]", "[rgb, depth]\n      tick: 0.2"))
+    plan, engines = opened(tmp_path / "recipe.yaml")
+    plan = plan.model_copy(update={"variants": plan.variants[:1]})
+    made = build(plan, tmp_path / "made", engines=engines, cache=tmp_path / "cache", workers=0).path
+    export_layout(reader.read(made), tmp_path / "out", "armory", quiet)
+    (video,) = (tmp_path / "out/carla_mot/dev").iterdir()
+    assert sorted(p.name for p in (video / "rgb").iterdir()) == ["000001.png", "000002.png"]
+    assert set(np.loadtxt(video / "instances.txt", dtype=np.float32)[:, 0]) == {1, 2}
+
+
+@pytest.mark.slow
 def test_the_example_of_the_page_reads_a_sample(
     export: Path, recipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,6 +21,7 @@ from recipe_runtime.dataset import reader
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer.layouts import Layout, export_layout
 
+from tests.runtime.build.test_slow_sensors import slowed
 from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan, tree
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # pycocotools' decode
@@ -103,6 +104,19 @@ def test_kitti_masks_are_the_instance_pictures(built: Dataset, tmp_path: Path) -
     assert np.array_equal(painted, np.stack([np.asarray(Image.open(p)) for p in sorted(folder.iterdir())]))
     seqmap = (tmp_path / "out/training/evaluate_tracking.seqmap.training").read_text().splitlines()
     assert seqmap[0] == "0000 empty 000000 000012"
+
+
+def test_a_line_of_kittis_poses_is_a_frame(tmp_path: Path) -> None:
+    """Regression: of a sensor with a tick, line k was the pose of its k-th picture, not of frame k."""
+    plan = slowed(dataset_plan(weathers=1))
+    path = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    export_layout(reader.read(path), tmp_path / "out", "kitti", quiet)
+    poses = np.loadtxt(tmp_path / "out/training/poses/0000.txt").reshape(-1, 3, 4)
+    lines = (path / "weather=w0,jitter=still" / "street" / "labels.jsonl").read_text().splitlines()
+    assert len(poses) == 11  # as many as in the list of sequences
+    for label in map(json.loads, lines):
+        np.testing.assert_array_equal(poses[label["frame"]], label["calibration"]["camera_to_world"][:3])
+    assert np.isnan(poses[[k for k in range(11) if k % 5]]).all()
 
 
 def kitti_corners(fields: list[str]) -> NDArray[np.float64]:
