@@ -76,12 +76,8 @@ class PatchView:
     def __init__(
         self, frame: PatchedFrame, patch: str, width: int, height: int, exclusive: ProcessLock | None = None
     ) -> None:
-        self._frame, self.patch, self.shape, self._exclusive = (
-            frame,
-            patch,
-            (height, width, 3),
-            exclusive or ProcessLock(),
-        )
+        self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
+        self._exclusive = exclusive or ProcessLock()
         rows = frame.rows(patch)
         self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
         self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
