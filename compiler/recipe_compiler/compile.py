@@ -58,7 +58,12 @@ class Compiled:
 
 
 def compile_recipe(
-    path: Path, *, allow_large: bool = False, free_disk: int | None = None, memory: limits.Memory | None = None
+    path: Path,
+    *,
+    allow_large: bool = False,
+    free_disk: int | None = None,
+    memory: limits.Memory | None = None,
+    guard: CompileGuard | None = None,
 ) -> Compiled:
     """Compile a recipe file.
 
@@ -67,6 +72,8 @@ def compile_recipe(
         allow_large: compile even if the recipe exceeds the size limits.
         free_disk: bytes free where the dataset would be written, if known.
         memory: the memory of the host, if known.
+        guard: stops compiling that takes too long, or too much memory; a new one by default, without limits if
+            `allow_large`.
 
     Returns:
         The compiled recipe.
@@ -74,9 +81,9 @@ def compile_recipe(
     Raises:
         InputError: with all problems of the recipe.
         TooLargeError: the recipe exceeds the limits, by its estimate or while it is compiled, and `allow_large` is not
-            set.
+            set; or those of `guard`.
     """
-    guard, sources = CompileGuard(unlimited=allow_large), merge.read(path)
+    guard, sources = guard or CompileGuard(unlimited=allow_large), merge.read(path)
     try:
         compiled = _compile(path, sources, guard, allow_large, free_disk, memory)
     except InputError as error:
@@ -118,7 +125,7 @@ def _compile(
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
         raise limits.TooLargeError(compile_guard.place_of_size(root, estimate), estimate, reasons)
-    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=guard.unlimited)
     plans, warnings = _lowered(lowering, checked, root, estimate, guard)
     plan = DatasetPlan(
         recipe=recipe.recipe,

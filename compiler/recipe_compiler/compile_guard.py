@@ -27,11 +27,11 @@ class CompileGuard:
         Args:
             unlimited: report no excess.
         """
-        self._unlimited, self._start, self._peak = unlimited, time.thread_time(), _peak_bytes()
+        self.unlimited, self._start, self._peak = unlimited, time.thread_time(), _peak_bytes()
 
     def excess(self, variants: int) -> str | None:
         """Return by what compiling exceeds the limits after some variants; None within them."""
-        if self._unlimited:
+        if self.unlimited:
             return None
         seconds, grown = time.thread_time() - self._start, _peak_bytes() - self._peak
         of = f"compiling {variants} of the variants has taken"

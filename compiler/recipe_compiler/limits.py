@@ -38,6 +38,7 @@ _LOAD_TRIANGLE, _DECODE_TRIANGLE, _DRAW_TRIANGLE = 2e-6, 5e-6, 9e-8  # of props;
 _WRITE_ELEMENT, _WRITE_ACTOR = 4e-5, 7e-5  # plans of variants: per element and per actor
 _SIMULATE_ACTOR, _POSE_ACTOR = 0.012, 0.000075  # per actor; per actor and frame
 _STEP, _STEP_ACTOR, _ROUTE_METRE = 0.00005, 0.0000055, 0.0000011  # per step; per actor and step; of vehicles' routes
+_LOOK = 9e-7  # per look of an agent at a prop
 _LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # per frame; per actor and frame
 _OBSERVE, _OBSERVE_MOVING = 0.05, 0.005  # moving camera: per megasample; per frame
 _OBSERVE_STILL = 0.005  # static camera: per megasample
@@ -50,8 +51,7 @@ _SHADE_FIRST = 0.2  # per view
 _TEXEL, _TEXEL_AGAIN = 6e-8, 8e-9  # mip levels: per texel of an image; per frame if a patch's image changes
 _SHADE_PATCH = 0.02  # per patch and megasample
 _TRUTH, _TRUTH_PATCH = 0.05, 0.02  # truth of patches, per megapixel; per patch and megapixel
-_AMODAL = 0.055  # per rectangle and megapixel, again if it or the camera has moved
-_INSERT = 0.1  # textures inserted into the picture, per megapixel
+_AMODAL, _INSERT = 0.055, 0.1  # per megapixel: per rectangle, again if it or the camera moved; inserted textures
 _BLOOM, _BLUR, _BLUR_STILL = 0.12, 0.12, 0.024  # per megapixel; megasample and moment: moving camera, static camera
 _ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # per megapixel
 _FILE = 0.0007  # per file, whatever its size
@@ -63,8 +63,7 @@ _MEMORY_ELEMENT, _MEMORY_ACTOR, _MEMORY_TRIANGLE = 130_000, 1_600_000, 520  # me
 _MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a moving camera
 _MEMORY_SHADE = 125  # per sample of a moving camera
 _MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
-_MEMORY_TEXEL = 24  # mip levels, while an atlas is made and another is kept
-_MEMORY_METRE = 8  # per metre of the vehicles' routes, in the simulation
+_MEMORY_TEXEL, _MEMORY_METRE = 24, 8  # mip levels: an atlas is made, another kept; of vehicles' routes, simulated
 _MEMORY_RECORD = 4000  # per labelled object, in the build's own process
 
 # Compiling: seconds on the same core, and bytes of memory.
@@ -125,6 +124,7 @@ class Load:
     props: int = 0
     triangles: int = 0  # of all props
     mesh_triangles: int = 0  # of their distinct meshes
+    looks: float = 0.0  # of agents at props, while they are simulated
 
 
 @dataclass(frozen=True)
@@ -290,7 +290,7 @@ def _loading(load: Load) -> float:
 def _simulating(load: Load) -> float:
     """Seconds to simulate a scene."""
     frames = _clip(load)
-    steps = load.steps * (_STEP + load.actors * _STEP_ACTOR) + load.metres * _ROUTE_METRE
+    steps = load.steps * (_STEP + load.actors * _STEP_ACTOR) + load.metres * _ROUTE_METRE + load.looks * _LOOK
     return _START_SIMULATION + load.actors * (_SIMULATE_ACTOR + frames * _POSE_ACTOR) + steps
 
 

@@ -74,6 +74,22 @@ def test_an_alias_bomb_takes_no_memory(tmp_path: Path) -> None:
     tracemalloc.stop()
 
 
+@pytest.mark.parametrize("around", [b"{x: %s}", b"[%s]"])
+def test_aliases_nest_no_deeper_than_brackets(around: bytes) -> None:
+    """Regression: values 1,000 maps deep, of which no line had more than 27, ended in a RecursionError."""
+
+    def nested(depth: int, inner: bytes) -> bytes:
+        return nested(depth - 1, around % inner) if depth else inner
+
+    lines = [b"a0: &a0 " + nested(20, b"1"), b"a1: &a1 " + nested(11, b"*a0")]  # 31 with the map of the file
+    assert parse(b"\n".join(lines), "deep.yaml")[1] == []
+    _, problems = parse(b"\n".join([*lines, b"a2: " + nested(1, b"*a1")]), "deep.yaml")
+    (problem,) = problems
+    assert problem.place is not None and problem.place.line == 3
+    assert problem.message == "33 maps or lists inside each other, the limit is 32"
+    assert problem.help == "a recipe needs no more than eight: nest aliases less"
+
+
 def test_a_pipe_or_a_device_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "recipe.yaml")
     with pytest.raises(InputError, match="not a regular file"):

@@ -17,10 +17,11 @@ from recipe_compiler.ir import exact, optics, plan_bounds
 from recipe_compiler.ir.patches import INSERTED, STATIC, WITH_CHART
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.ir.rig.arm import history
+from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.library import towns
-from recipe_compiler.lowering import traffic
+from recipe_compiler.lowering import props_nearby, traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
-from recipe_compiler.lowering.asset_files import AssetFile
+from recipe_compiler.lowering.asset_files import AssetFile, Corner
 from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.lowering.props import BOARD_TRIANGLES
 from recipe_compiler.lowering.sensors import arms
@@ -42,11 +43,13 @@ class AssetSizes:
         texels: of all images.
         triangles: of each mesh, by its name in the recipe.
         triangles_of_file: of each mesh, by the SHA-256 of its file.
+        boxes: the minimum and maximum corner of each mesh, in the unit of its file, by its name.
     """
 
     texels: int = 0
     triangles: Mapping[str, int] = field(default_factory=dict)
     triangles_of_file: Mapping[str, int] = field(default_factory=dict)
+    boxes: Mapping[str, tuple[Corner, Corner]] = field(default_factory=dict)
 
 
 def sizes_of(assets: Mapping[str, AssetFile]) -> AssetSizes:
@@ -56,6 +59,7 @@ def sizes_of(assets: Mapping[str, AssetFile]) -> AssetSizes:
         texels=sum(asset.pixels[0] * asset.pixels[1] for asset in assets.values()),
         triangles={name: asset.triangles for name, asset in meshes.items()},
         triangles_of_file={asset.file.sha256: asset.triangles for asset in meshes.values()},
+        boxes={name: (asset.low, asset.high) for name, asset in meshes.items()},
     )
 
 
@@ -111,7 +115,8 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
         for s in base.sensors.values()
     )
     clock = base.clock
-    crowd = sum(traffic.counts(base).values())
+    crowds = traffic.counts(base)
+    crowd = sum(crowds.values())
     seconds = clock.frames / clock.fps + traffic.warmup(base)
     wandering = crowd + sum(actor.route is None and actor.goal is None for actor in base.actors.values())
     points = wandering * min(seconds * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
@@ -136,8 +141,24 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
         patch_section=id(base.patches),
         patch_images=clock.frames
         * sum(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
+        looks=_looks(base, assets, crowds, seconds),
         **_triangles(assets.triangles, (prop.asset for prop in base.props.values())),
     )
+
+
+def _looks(base: Base, assets: AssetSizes, crowds: Mapping[Category, int], seconds: float) -> float:
+    """Return how often agents look at props, as an argument of `limits.Load`."""
+    props = []
+    for prop in base.props.values():
+        at, box = prop.at, assets.boxes.get(prop.asset or "", ((0.0,) * 3, (0.0,) * 3))
+        if prop.size is not None:
+            box = (0.0, 0.0, 0.0), (0.0, prop.size.width / 2, prop.size.height)
+        size = props_nearby.radius(*box, upright=at.pitch == at.roll == 0.0) * prop.scale
+        props.append((at.x, at.y, size))
+    moving = [actor.blueprint for actor in base.actors.values() if actor.speed != 0.0]
+    vehicles = sum(blueprint.startswith("vehicle.") for blueprint in moving)
+    pedestrians = len(moving) - vehicles + crowds["pedestrian"]
+    return props_nearby.looks(props, pedestrians, vehicles + crowds["vehicle"], seconds)
 
 
 def _given_metres(actor: Actor) -> float:
@@ -212,8 +233,21 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
         moving_patches=sum(not patch.whole and patch.faces[0].part != STATIC for patch in patches),
         inserted_patches=sum(patch.inserted for patch in patches),
         charts=sum(patch.transfer in WITH_CHART for patch in patches),
+        looks=_looks_of(plan),
         **_triangles(assets.triangles_of_file, (p.mesh.sha256 if p.mesh else None for p in plan.scene.props)),
     )
+
+
+def _looks_of(plan: ScenarioPlan) -> float:
+    """Return how often agents look at props, from a plan."""
+    props = [
+        (p.pose.x, p.pose.y, props_nearby.radius(p.low, p.high, upright=p.pose.pitch == p.pose.roll == 0.0))
+        for p in plan.scene.props
+    ]
+    moving = Counter(actor.category for actor in plan.scene.actors if actor.route and actor.speed > 0.0)
+    clock = plan.scene.clock
+    seconds = clock.warmup_steps / clock.physics + clock.frames / clock.fps
+    return props_nearby.looks(props, moving["pedestrian"], moving["vehicle"], seconds)
 
 
 def plan_cost(plan: DatasetPlan) -> limits.Cost:

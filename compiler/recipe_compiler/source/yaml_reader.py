@@ -172,8 +172,8 @@ class _Reader:
     def __init__(self, file: str) -> None:
         self.file = file
         self.problems: list[Problem] = []
-        self._anchors: dict[str, tuple[Value | None, int]] = {}  # value (None: still open) and its nodes
-        self._nodes = 0
+        self._anchors: dict[str, tuple[Value | None, int, int]] = {}  # value (None: still open), its nodes, its depth
+        self._nodes = self._deepest = 0
 
     def document(self, events: Iterator[yaml.Event]) -> Value | None:
         root: Value | None = None
@@ -202,19 +202,15 @@ class _Reader:
 
     def _value(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
         if isinstance(event, yaml.AliasEvent):
-            return self._alias(event)
+            return self._alias(event, depth)
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
-        if depth > MAX_DEPTH:
-            message = f"{depth} maps or lists inside each other, the limit is {MAX_DEPTH}"
-            raise self._stop(
-                event, message, "a recipe needs no more than eight: close brackets that are open", Code.INPUT_LIMIT
-            )
-        before = self._nodes
+        self._check_depth(event, depth, "close brackets that are open")
+        nodes, deepest, self._deepest = self._nodes, self._deepest, depth
         self._count(event, 1)
         if event.tag:
             self._report(event, f"the tag {show(event.tag)} is refused: recipes hold plain data only", "remove it")
         if event.anchor:
-            self._anchors[event.anchor] = (None, 0)
+            self._anchors[event.anchor] = (None, 0, 0)
         if isinstance(event, yaml.ScalarEvent):
             value = Value(self._scalar(event), self._place(event))
         elif isinstance(event, yaml.SequenceStartEvent):
@@ -222,12 +218,20 @@ class _Reader:
         else:
             value = self._map(event, events, depth)
         if event.anchor:
-            self._anchors[event.anchor] = (value, self._nodes - before)
+            self._anchors[event.anchor] = (value, self._nodes - nodes, self._deepest - depth)
+        self._deepest = max(deepest, self._deepest)
         return value
 
-    def _alias(self, event: yaml.AliasEvent) -> Value:
+    def _check_depth(self, event: yaml.Event, depth: int, remedy: str) -> None:
+        """Record the depth of a value, and stop if it exceeds the limit."""
+        self._deepest = max(self._deepest, depth)
+        if depth > MAX_DEPTH:
+            message = f"{depth} maps or lists inside each other, the limit is {MAX_DEPTH}"
+            raise self._stop(event, message, f"a recipe needs no more than eight: {remedy}", Code.INPUT_LIMIT)
+
+    def _alias(self, event: yaml.AliasEvent, depth: int) -> Value:
         name = event.anchor or ""
-        value, nodes = self._anchors.get(name, (None, -1))
+        value, nodes, inner = self._anchors.get(name, (None, -1, 0))
         if value is None:
             cause = "is not defined above" if nodes < 0 else "is used inside the value that it names"
             remedy = f"define it above with `&{name[:40]}`, or quote a text that starts with `*`"
@@ -235,6 +239,7 @@ class _Reader:
                 remedy = "write out the value: it would contain itself"
             raise self._stop(event, f"the alias *{name[:40]} {cause}", remedy)
         self._count(event, nodes)
+        self._check_depth(event, depth + inner, "nest aliases less")
         return value
 
     def _list(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:

@@ -152,9 +152,10 @@ class ObstacleMap:
             if len(across) * len(along) > _MAX_CELLS:
                 self._large.append((number, o))
                 continue
+            entry = number, o  # shared by all cells, which may be millions
             for i in across:
                 for j in along:
-                    self._cells.setdefault((i, j), []).append((number, o))
+                    self._cells.setdefault((i, j), []).append(entry)
 
         columns, rows = [i for i, _ in self._cells] or [0], [j for _, j in self._cells] or [0]
         self._extent = (min(columns), max(columns)), (min(rows), max(rows))  # of the cells that are not empty
