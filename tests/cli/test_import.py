@@ -43,6 +43,16 @@ def test_json_has_every_key(tmp_path: Path) -> None:
     assert rows["rainy.yaml", 8, "weather.sun_azimuth_angle"]["outcome"] == "mapped"
 
 
+@pytest.mark.parametrize("name", ["a\U0001f600b.yaml", "a\udcffb.yaml", "a\x1bb.yaml", "a\nb.yaml", "a\u202eb.yaml"])
+def test_a_configuration_may_have_any_name(tmp_path: Path, name: str) -> None:
+    """Regression: the recipe of one with an emoji in its name was refused, as its description was not text."""
+    (tmp_path / name).write_bytes(EVERY.read_bytes())
+    done = run_here("import", "carla", name, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (tmp_path / "recipes").iterdir()) == ["a_b.import.txt", "a_b.yaml"]
+    assert not {"\x1b", "\u202e"} & set((tmp_path / "recipes" / "a_b.yaml").read_text(encoding="utf-8") + done.stdout)
+
+
 def test_it_overwrites_nothing_without_replace(tmp_path: Path) -> None:
     (tmp_path / "every_key.import.txt").write_text("mine")
     here = ("import", "carla", EVERY, "-o", ".")

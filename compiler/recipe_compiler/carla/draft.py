@@ -156,7 +156,7 @@ def _scalar(value: bool | int | float | str) -> str:
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=True)
+    return json.dumps(text, ensure_ascii=not text.isprintable())  # YAML knows no escapes of surrogate pairs
 
 
 def _wrapped(line: str) -> str:

@@ -222,7 +222,8 @@ class _Import:
         node = Node.root(root)
         form = OSCAR if _is_oscar(root) else COLLECTOR
         self.draft.set("recipe", self.name)
-        self.draft.set("description", f"Imported from {self._source.file.stem}, a configuration of {form.name}.")
+        stem = yaml_reader.printable(self._source.file.stem)
+        self.draft.set("description", f"Imported from {stem}, a configuration of {form.name}.")
         notes = self._fill(node, form, references, town)
         self._problems += self.reader.problems
         if notes is None or self.reader.problems:

@@ -7,13 +7,14 @@ not compared. Of a dataset, only the manifest and the plans are read.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.modalities import DIGEST_KINDS
-from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.ir.plan import AppearancePlan, DatasetPlan, Looks, RigPlan, ScenarioPlan, ScenePlan
 from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.core import layout
@@ -24,6 +25,10 @@ from recipe_runtime.verify.verdict import Difference
 
 MAX_FIELDS = 12  # limit of reported fields per plan; the rest is counted
 _PARTS = ("scene", "rig", "appearance")
+
+_Messages: TypeAlias = tuple[list[str], int]
+"""The first fields that differ, at most MAX_FIELDS, and the number of all."""
+_Part: TypeAlias = "ScenePlan | RigPlan | Looks"
 
 
 @dataclass(frozen=True)
@@ -152,7 +157,7 @@ def _variants(a: Side, b: Side) -> Iterator[Difference]:
     if a.plan and b.plan and len(ours) == len(theirs) == 1 and ours.keys() != theirs.keys():
         one, other_one = a.plan.variants[0], b.plan.variants[0]
         yield Difference("plan", f"{a.name} is variant {one.variant}, and {b.name} is variant {other_one.variant}")
-        yield from (Difference("plan", message) for message in _plan_fields(one, other_one))
+        yield from (Difference("plan", message) for message in _PlanFields().of(one, other_one))
         return
     for side, other in ((a, b), (b, a)):
         only = [name for name in side.lock.variants if name not in other.lock.variants]
@@ -180,24 +185,56 @@ def _variants(a: Side, b: Side) -> Iterator[Difference]:
 def _fields(shared: list[str], a: DatasetPlan, b: DatasetPlan) -> Iterator[Difference]:
     """Yield differences field by field; a difference common to many variants is reported once."""
     seen: dict[str, list[str]] = {}
+    fields, ours, theirs = _PlanFields(), *({v.variant: v for v in plan.variants} for plan in (a, b))
     for name in shared:
-        for message in _plan_fields(a.named(name), b.named(name)):
+        for message in fields.of(ours[name], theirs[name]):
             seen.setdefault(message, []).append(name)
     for message, names in seen.items():
         yield Difference("plan", f"{names[0] if len(names) == 1 else _some(names, 'variant')}: {message}")
 
 
-def _plan_fields(a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
-    found: list[str] = []
-    for part in _PARTS:
-        ours, theirs = getattr(a, part), getattr(b, part)
-        if ours.digest != theirs.digest:
-            messages = list(walk(ours.document(), theirs.document(), part))
-            found += messages[:MAX_FIELDS]
-            if len(messages) > MAX_FIELDS:
-                rest = count(len(messages) - MAX_FIELDS, "more field", "more fields")
-                found.append(f"and {rest} of the {part} plan")
-    return found
+class _PlanFields:
+    """The differing fields of pairs of plans; parts that several variants share are compared once."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, str, str], _Messages] = {}
+
+    def of(self, a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
+        """Return the fields in which two plans differ, at most MAX_FIELDS of each part, and the number of the rest."""
+        found: list[str] = []
+        for part, ours, theirs in (("scene", a.scene, b.scene), ("rig", a.rig, b.rig)):
+            if ours.digest != theirs.digest:
+                found += _shown(self._once(part, ours, theirs), part)
+        if a.appearance.digest != b.appearance.digest:
+            found += _shown(self._of_appearance(a.appearance, b.appearance), "appearance")
+        return found
+
+    def _of_appearance(self, ours: AppearancePlan, theirs: AppearancePlan) -> _Messages:
+        """Compare the colours last: they are those of a whole town, and many variants share them."""
+        own, other = (plan.model_dump(mode="json", exclude={"looks"}) for plan in (ours, theirs))
+        messages, number = _first(walk(own, other, "appearance"))
+        if ours.looks.digest != theirs.looks.digest:
+            colours, more = self._once("appearance.looks", ours.looks, theirs.looks)
+            messages, number = [*messages, *colours][:MAX_FIELDS], number + more
+        return messages, number
+
+    def _once(self, path: str, ours: _Part, theirs: _Part) -> _Messages:
+        key = path, ours.digest, theirs.digest
+        if key not in self._known:
+            self._known[key] = _first(walk(ours.model_dump(mode="json"), theirs.model_dump(mode="json"), path))
+        return self._known[key]
+
+
+def _first(messages: Iterator[str]) -> _Messages:
+    """Return the first messages, at most MAX_FIELDS, and the number of all."""
+    first = list(itertools.islice(messages, MAX_FIELDS))
+    return first, len(first) + sum(1 for _ in messages)
+
+
+def _shown(messages: _Messages, part: str) -> list[str]:
+    first, number = messages
+    rest = number - len(first)
+    return [*first, f"and {count(rest, 'more field', 'more fields')} of the {part} plan"] if rest else first
 
 
 def _traces(a: Side, b: Side) -> Iterator[Difference]:

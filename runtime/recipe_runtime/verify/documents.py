@@ -33,7 +33,7 @@ def walk(ours: object, theirs: object, path: str) -> Iterator[str]:
 def _pair(ours: Mapping[str, object], theirs: Mapping[str, object], key: str, path: str) -> Iterator[str]:
     if key not in ours or key not in theirs:
         yield f"{path} is in the {'first' if key in ours else 'second'} only"
-    else:
+    elif ours[key] != theirs[key]:
         yield from walk(ours[key], theirs[key], path)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,32 @@ def test_a_difference_shared_by_variants_is_reported_once(ours: Side) -> None:
     assert str(found) == (
         "plan: 4 variants (first: weather=w0,jitter=still): appearance.weather.fog_density: 0.0 and 40.0"
     )
+
+
+def test_what_variants_share_is_compared_once(ours: Side, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The elements and colours of a town, which a thousand weathers share, took 0.15 s for each of them."""
+    assert ours.plan is not None
+    document = ours.plan.model_dump(mode="json")
+    for variant in document["variants"]:
+        variant["scene"]["actors"][0]["speed"] += 1.0
+        variant["appearance"]["seed"] += 1
+        variant["appearance"]["looks"]["wall"] = {"face": "#123456"}
+    plan = DatasetPlan.model_validate_json(json.dumps(document))
+    compared: list[str] = []
+
+    def recorded(one: dict[str, object], other: dict[str, object], path: str) -> Iterator[str]:
+        compared.append(path)
+        assert path == "appearance.looks" or "looks" not in one
+        return walk(one, other, path)
+
+    monkeypatch.setattr("recipe_runtime.verify.diff.walk", recorded)
+    found = differences(ours, Side("theirs", bare(plan, "", {}), plan))
+    assert sorted(compared) == [*["appearance"] * 4, "appearance.looks", "scene"]
+    assert [each.message.partition("): ")[2].partition(":")[0] for each in found] == [
+        f"scene.actors[{ours.plan.variants[0].scene.actors[0].name}].speed",
+        "appearance.seed",
+        "appearance.looks.wall is in the second only",
+    ]
 
 
 def test_an_actor_of_only_one_side_is_named() -> None:
