@@ -26,7 +26,7 @@ def radius(low: Sequence[float], high: Sequence[float], *, upright: bool) -> flo
         upright: whether it is turned about the vertical only.
     """
     corner = [max(abs(a), abs(b)) for a, b in zip(low, high, strict=True)]
-    return math.hypot(*(corner[:2] if upright else corner))
+    return math.sqrt(sum(extent * extent for extent in corner[: 2 if upright else 3]))
 
 
 def looks(props: Sequence[Disc], pedestrians: int, vehicles: int, seconds: float) -> float:
