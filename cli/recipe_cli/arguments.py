@@ -188,8 +188,7 @@ def compile_quietly(
 
     memory = None if workers is None else places.memory(workers)
     compiled = compile_recipe(path, allow_large=allow_large, free_disk=free_disk, memory=memory)
-    for warning in compiled.warnings:
-        warn(warning)
+    warn(*compiled.warnings)
     return compiled
 
 

@@ -64,7 +64,9 @@ def safe(text: str) -> str:
 
 def say(*parts: str | Styled, err: bool = False) -> None:
     """Print one line, on standard error if `err`; its parts are escaped."""
-    stream = sys.stderr if err else sys.stdout
+    stream: TextIO | None = sys.stderr if err else sys.stdout
+    if stream is None:  # closed by the caller
+        return
     safe_parts = [(safe(part), "") if isinstance(part, str) else (safe(part.text), part.colour) for part in parts]
     colour = in_colour(stream)
     if stream.isatty():
@@ -102,14 +104,18 @@ def print_json(value: Mapping[str, object] | Sequence[object]) -> None:
     print_document(json.dumps(value, indent=2, ensure_ascii=False))
 
 
-def warn(problem: Problem) -> None:
-    """Print a warning on standard error, or keep it for the JSON document."""
-    from recipe_cli.diagnostics import print_problems
+def warn(*problems: Problem) -> None:
+    """Print warnings on standard error, at most MAX_SHOWN of them, or keep them for the JSON document."""
+    from recipe_compiler.ir.errors import MAX_SHOWN
+
+    from recipe_cli.diagnostics import print_problems, print_rest
 
     run = state()
-    run.warnings.append(problem)
+    run.warnings += problems
     if not run.as_json:
-        print_problems("warning", [problem])
+        for problem in problems[:MAX_SHOWN]:
+            print_problems("warning", [problem])
+        print_rest("warning", problems)
 
 
 def fail(problems: Sequence[Problem], run: State | None = None) -> None:

@@ -38,6 +38,13 @@ def print_problems(severity: str, problems: Sequence[Problem]) -> None:
             say(*line, err=True)
         if advised and following is not None:
             say(err=True)
+    print_rest(severity, problems)
+
+
+def print_rest(severity: str, problems: Sequence[Problem]) -> None:
+    """Print how many problems there are beyond MAX_SHOWN, if any."""
+    from recipe_compiler.ir.errors import MAX_SHOWN
+
     rest = len(problems) - MAX_SHOWN
     if rest > 0:
         say(Styled(severity, COLOURS[severity]), f": and {count(rest, severity)} more; --json lists all", err=True)

@@ -188,6 +188,19 @@ def test_at_most_fifty_errors_are_shown_and_the_rest_counted(capsys: pytest.Capt
     assert lines[-1] == "error: and 23 errors more; --json lists all"
 
 
+def test_at_most_fifty_warnings_are_shown_and_the_rest_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    console.warn(*[Problem(f"number {n}", help="none") for n in range(60)])
+    written = capsys.readouterr().err
+    assert "number 49" in written and "number 50" not in written
+    assert written.endswith("warning: and 10 warnings more; --json lists all\n")
+
+
+def test_a_closed_output_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: `recipe blueprints >&-` ended with a traceback."""
+    monkeypatch.setattr("sys.stdout", None)
+    say("nobody reads this")
+
+
 def test_a_remedy_is_separated_from_its_message_outside_quotes_and_brackets() -> None:
     assert split_remedy("a is wrong; write b") == ("a is wrong", "write b")
     assert split_remedy('"x; y" is wrong') == ('"x; y" is wrong', None)

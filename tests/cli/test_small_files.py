@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel, model_serializer
@@ -25,6 +26,7 @@ from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
 from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_compiler.lowering.lower import Lowering
 from recipe_compiler.schema.recipe import Base
+from recipe_runtime.frames.shot import Shot
 
 from tests.cli.runner import run_here
 from tests.compiler.kitchen import small
@@ -174,6 +176,13 @@ def test_a_missing_folder_is_an_error_and_not_created(tmp_path: Path) -> None:
 def test_a_shot_is_a_png(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"x\.jpg: a shot is a PNG"):
         CliRunner().invoke(shot.command, ["missing.yaml", "-o", str(tmp_path / "x.jpg")], catch_exceptions=False)
+
+
+def test_the_name_of_a_shot_is_a_file_name(tmp_path: Path) -> None:
+    """Regression: with long names, which the language allows, the picture could not be written."""
+    made = Shot("s" * 64, 99_999, "semantic", np.zeros((1, 1), np.uint8))
+    assert shot._name("r", "w=v", made) == f"r-w=v-{'s' * 64}-semantic-099999"
+    made.write(tmp_path / f"{shot._name('r' * 64, 'v' * 200, made)}.999.png")
 
 
 @pytest.mark.slow

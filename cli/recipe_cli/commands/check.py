@@ -35,8 +35,7 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
             continue
         warnings += [(path, warning) for warning in found]
         if not as_json:
-            for warning in found:
-                warn(warning)
+            warn(*found)
             say(f"{path}: valid, {count(variants, 'variant')}")
     if as_json:
         errors = [_row(*each) for each in problems]

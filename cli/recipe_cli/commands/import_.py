@@ -44,8 +44,7 @@ def command(
     files = {folder / name: body for one in made for name, body in _files(one).items()}
     _check_free(files, configs, replace=replace)
     for one in made:
-        for problem in _compiled(one, folder):
-            warn(problem)
+        warn(*_compiled(one, folder))
     _write(folder, files)
     if as_json:
         print_json({"imports": [{"file": str(folder / f"{one.name}.yaml"), **one.report.document()} for one in made]})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -23,6 +24,11 @@ from recipe_cli.arguments import (
 )
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from recipe_runtime.frames.shot import Shot
+
+_LONGEST = 140  # characters of recipe and variant in the name of a picture, as file systems end at 255 bytes
 
 
 @click.command("shot")
@@ -83,7 +89,7 @@ def command(
         with Progress(quiet=as_json) as progress:
             engines = engines_for(compiled, partial(progress, "simulate"))
             made = shot(scenario, sensor, frame, modality, engines=engines, device=device, progress=progress)
-        name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}"
+        name = _name(plan.recipe, scenario.variant, made)
         if output is None and not replace:
             (path,) = unused_names(lambda suffix: {Path(f"{name}{suffix}.png"): made.encoded()})
         else:
@@ -97,6 +103,11 @@ def command(
     else:
         say(f"{path}: {scenario.variant}, {made.sensor}, {made.modality}, frame {made.frame}")
         say(f"pixels sha256:{made.digest}")
+
+
+def _name(recipe: str, variant: str, made: Shot) -> str:
+    """Return the name of a picture without its suffix, after what it shows."""
+    return f"{recipe}-{variant.replace('.', '_')}"[:_LONGEST] + f"-{made.sensor}-{made.modality}-{made.frame:06d}"
 
 
 def _check_not_a_town(recipe: Path) -> None:
