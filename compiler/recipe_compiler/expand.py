@@ -125,6 +125,13 @@ def name_of(combination: Mapping[str, str], number: int) -> str:
     return plain if number == 1 else f"{plain}#{number}"
 
 
+def names(axes: Axes, sweep: Sweep) -> Iterator[str]:
+    """Yield the names of all variants, in file order, without merging any."""
+    draws = sweep.draw.count if sweep.draw else 1
+    for combination in combinations(axes, sweep):
+        yield from (name_of(combination, number) for number in range(1, sweep.repeats * draws + 1))
+
+
 def repeat_seed(seed: int, repeat: int) -> int:
     """The seed of a repeat, counted from 1; the first has the recipe's own."""
     return seed if repeat == 1 else Stream(seed, "repeat", str(repeat)).integer(0, MAX_SEED)

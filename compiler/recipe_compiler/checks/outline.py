@@ -43,8 +43,8 @@ def outline(path: Path) -> Outline:
         axes = expand.chosen_axes(root, recipe.sweep, problems)
         if problems or expand.too_many(axes, recipe.sweep, root):
             return Outline((), names, modalities)
-        variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
-        return Outline(tuple(v.name for v in itertools.islice(variants, MAX_VARIANTS)), names, modalities)
+        variants = itertools.islice(expand.names(axes, recipe.sweep), MAX_VARIANTS)
+        return Outline(tuple(variants), names, modalities)
     except (InputError, ValidationError):
         return Outline((), names, modalities)
 
