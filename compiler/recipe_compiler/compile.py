@@ -113,7 +113,7 @@ def _compile(
     if root.get("base") is None or len(problems) > len(sources.problems):
         kinds = None if "assets" in faulty else _kinds(recipe)
         rules = recipe.sweep.exclude if "sweep" not in faulty else None
-        problems += [*asset_problems, *_check_variants_in_part(root, kinds, rules)]
+        problems += [*asset_problems, *_check_variants_in_part(root, kinds, rules, guard)]
         raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
     problems += asset_problems
     found, sizes = Findings(), workload.sizes_of(assets)
@@ -326,7 +326,7 @@ def _check_sweep(root: Value, sweep: Sweep | None, problems: list[Problem]) -> A
 
 
 def _check_variants_in_part(
-    root: Value, kinds: dict[str, str] | None, rules: Sequence[Mapping[str, str]] | None
+    root: Value, kinds: dict[str, str] | None, rules: Sequence[Mapping[str, str]] | None, guard: CompileGuard
 ) -> list[Problem]:
     """Check base and deltas of a recipe that cannot be expanded: every value of an axis, in few combinations.
 
@@ -334,17 +334,22 @@ def _check_variants_in_part(
         root: the recipe.
         kinds: its assets; None if they are faulty.
         rules: its exclusions; None if they are faulty.
+        guard: measures the cost of compiling; beyond its limits, no further combination is checked.
     """
     base = root.get("base")
     if base is None or not isinstance(base.data, dict):
         return []
     checker, found = Checker(base, kinds), Findings()
-    variants = [] if rules is None and root.get("sweep", "exclude") else list(expand.covering(root, rules or ()))
-    for merged in [variant.base for variant in variants] or [merge.expand_shorthands(base)]:
+    variants = iter(()) if rules is None and root.get("sweep", "exclude") else expand.covering(root, rules or ())
+    first = next(variants, None)
+    bases = (
+        (variant.base for variant in itertools.chain([first], variants)) if first else [merge.expand_shorthands(base)]
+    )
+    for merged in bases:
         problems: list[Problem] = []
         checker.base(merged, problems)
         found.add(problems)
-        if found.total > _MAX_PROBLEMS:
+        if found.total > _MAX_PROBLEMS or guard.excess(0):
             break
     return found.problems()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -68,6 +69,18 @@ def test_compiling_ends_where_it_takes_far_more_than_estimated(
     with pytest.raises(TooLargeError, match=rf"compiling \d of the variants has taken .*{reason}, over"):
         compile_recipe(path)
     assert len(compile_recipe(path, allow_large=True).plan.variants) == 3
+
+
+@pytest.mark.parametrize(("seconds", "known"), [(1e9, ["speed: 61", "speed: 62", "speed: 63"]), (-1.0, ["speed: 61"])])
+def test_checking_an_invalid_recipe_ends_likewise(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, known: list[str]
+) -> None:
+    """Regression: with an unknown key, up to 300 variants were checked and kept in memory, 2 GB for 450 KB."""
+    monkeypatch.setattr(compile_guard, "SECONDS", seconds)
+    fast = {f"v{n}": {"actors": {"hero1": {"speed": 60 + n}}} for n in (1, 2, 3)}
+    with pytest.raises(InputError) as caught:
+        compiled(small() | {"deltas": {"w": fast}, "unknown": 1})
+    assert re.findall(r"speed: \d+", str(caught.value)) == known
 
 
 def test_the_plans_of_many_variants_take_time() -> None:
