@@ -9,10 +9,8 @@ from collections.abc import Sequence
 
 Disc = tuple[float, float, float]  # x and y of a prop's origin, and the radius that it reaches, metres
 
-_WALK, _DRIVE = (
-    (2.0, 110.0),
-    (100.0, 13.0),
-)  # metres within which a pedestrian, a vehicle looks at props; times a second
+_WALK = (2.0, 110.0)  # metres within which a pedestrian looks at props, and how often it does, times a second
+_DRIVE = (100.0, 13.0)  # the same of a vehicle
 _FEW = 8  # props in one place that the time of an agent includes
 _LARGE = 8  # cells from its middle; a larger prop is near every place
 
