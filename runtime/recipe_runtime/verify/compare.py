@@ -79,7 +79,7 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
         parts = [part for part in ("scene", "rig", "appearance") if getattr(a, part) != getattr(b, part)]
         if parts:
             found.append(Difference("plan", f"{name}: different {' and '.join(parts)} plan", excuse, name))
-    if not found and plan.digest != lock.plan:
+    if not found and (plan.digest != lock.plan or list(ours) != list(lock.variants)):  # the identity covers the order
         found.append(
             Difference("plan", "the variants are equal, but their order or the requested outputs differ", excuse=excuse)
         )

@@ -211,6 +211,14 @@ def test_a_dataset_with_fewer_outputs_than_its_plan_digest_says_fails(locked: Lo
     assert str(found).startswith("lockfile: folder was damaged or edited")
 
 
+def test_variants_of_a_lockfile_in_another_order_fail(locked: Lockfile) -> None:
+    """The identity depends on their order, and a PASS shows the identity."""
+    forged = replace(locked, variants=dict(reversed(locked.variants.items())))
+    assert forged.identity != locked.identity
+    report = check(forged)
+    assert (report.verdict, report.stage) == ("FAIL", "plan")
+
+
 def test_versions_of_a_dataset_are_noted_that_is_compared_with_a_lockfile(locked: Lockfile, copy: Path) -> None:
     edit_manifest(copy, lambda manifest: manifest["tools"].update(numpy="1.0.0"))
     report = check(locked, dataset=datasets.read(copy))
