@@ -131,6 +131,8 @@ def _check_rows(manifest: Manifest, files: Mapping[str, tuple[int, str]], plan: 
         surplus = {*row["frames"], *row.get("intervals", {})} - {sensor.name for sensor in variant.rig.sensors}
         if surplus:
             raise ValueError(f"{variant.variant} has frames of {min(surplus)!r}, which is no sensor of its plan")
+        if row.get("intervals", {}) != {s.name: s.interval for s in variant.rig.sensors if s.interval > 1}:
+            raise ValueError(f"{variant.variant} has other intervals of frames than its plan")
     rows = [row["frames"] for row in manifest["variants"].values()]
     frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
     for number, most, what in (
