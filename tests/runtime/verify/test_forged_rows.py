@@ -225,6 +225,11 @@ def test_versions_of_a_dataset_are_noted_that_is_compared_with_a_lockfile(locked
     assert len([note for note in report.notes if "numpy 1.0.0" in note]) == 1
 
 
+def test_versions_of_tools_that_a_lockfile_lacks_are_noted(locked: Lockfile) -> None:
+    report = check(replace(locked, tools={k: v for k, v in locked.tools.items() if k != "numpy"}))
+    assert (report.verdict, report.notes) == ("PASS", ["versions of tools are not recorded: numpy"])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("tools", "message"),
