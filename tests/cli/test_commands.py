@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import re
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from recipe_compiler.ir import lockfile
 
 from tests.cli.reading import problems
 from tests.cli.runner import run_here
@@ -473,6 +475,18 @@ def test_a_locked_build_refuses_a_changed_recipe(folder: Path, tmp_path: Path) -
     for option in ("--locked", "--frozen"):
         refused = run_here("build", "small.yaml", option, cwd=root)
         assert refused.returncode == 2 and "weather=wet: different appearance plan" in refused.stderr
+
+
+@pytest.mark.slow
+def test_a_build_compares_the_bodies_of_its_lockfile(folder: Path, tmp_path: Path) -> None:
+    """The identity does not cover them, and the lockfile becomes part of the dataset, which verification refuses."""
+    root = _project(folder, tmp_path, "small.yaml", "lockfiles")
+    lock = lockfile.read(root / "lockfiles" / "small.lock")
+    (key, motion), *_ = lock.bodies.items()
+    forged = dataclasses.replace(lock, bodies={**lock.bodies, key: dataclasses.replace(motion, digest="0" * 64)})
+    (root / "lockfiles" / "small.lock").write_text(forged.dumps())
+    done = run_here("build", "small.yaml", "--locked", "--workers", "1", cwd=root)
+    assert (done.returncode, f"small.lock: trace: body {key[1]}: its row contradicts" in done.stderr) == (1, True)
 
 
 def test_a_locked_build_needs_a_lockfile(folder: Path, tmp_path: Path) -> None:

@@ -314,11 +314,16 @@ def _lockfile_differences(
     locked: tuple[Path, Lockfile] | None, recipe: Path, compiled: Compiled, result: BuildResult
 ) -> list[str] | None:
     """The differences from the lockfile, in the order of the stages; None if there is no lockfile."""
+    from recipe_runtime.cache.store import Store
     from recipe_runtime.dataset.reader import lock_of
     from recipe_runtime.verify.compare import compare_locks
+    from recipe_runtime.verify.motion_comparison import body_differences
 
     if locked is None:
         return None
     path, lock = locked
     made = lock_of(result.manifest, source_of(recipe, path), compiled.files)
-    return [f"{path.name}: {difference}" for difference in compare_locks(compiled.plan, lock, made)]
+    found = compare_locks(compiled.plan, lock, made)
+    if result.built:
+        found += body_differences(compiled.plan, lock, Store().kept_trace)
+    return [f"{path.name}: {difference}" for difference in found]

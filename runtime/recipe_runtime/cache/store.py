@@ -126,14 +126,14 @@ class Store:
             simulate: Returns a new Trace.
             contacts: Whether a Trace without its contacts counts as absent.
         """
-        kept = self._trace(scene)
+        kept = self.kept_trace(scene)
         if kept is not None and (kept.contacts is not None or not contacts):
             return kept
         return self.keep_trace(scene, simulate())
 
     def has_trace(self, scene: ScenePlan) -> bool:
         """Return whether the store has an intact Trace of a scene."""
-        return self._trace(scene) is not None
+        return self.kept_trace(scene) is not None
 
     def keep_trace(self, scene: ScenePlan, trace: Trace) -> Trace:
         """Store a scene's Trace and its contacts, replacing existing ones. Returns it as read from the store."""
@@ -141,10 +141,10 @@ class Store:
         if trace.contacts is not None:
             rows = [astuple(contact) for contact in trace.contacts]
             self.put("contacts", _trace_key(scene), json.dumps(rows).encode())
-        return self._trace(scene) or trace
+        return self.kept_trace(scene) or trace
 
-    def _trace(self, scene: ScenePlan) -> Trace | None:
-        """A scene's Trace, mapped from its file and not read into memory; None if it is absent or damaged."""
+    def kept_trace(self, scene: ScenePlan) -> Trace | None:
+        """A scene's stored Trace, mapped from its file and not read into memory; None if it is absent or damaged."""
         file = self.open("traces", _trace_key(scene))
         if file is None:
             return None
@@ -176,7 +176,7 @@ class Store:
 
         Does nothing if none is stored or the folder cannot be written.
         """
-        kept = self._trace(scene)
+        kept = self.kept_trace(scene)
         if kept is not None and kept.contacts in (None, trace.contacts) and _equal_motion(kept, trace):
             return
         if self.path("traces", _trace_key(scene)).is_file():

@@ -27,7 +27,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests, manifest_reader
 from recipe_runtime.dataset.events import events_csv
-from recipe_runtime.dataset.limits import check_bounds, check_plan, file_count, row_count
+from recipe_runtime.dataset.limits import byte_count, check_bounds, check_plan, file_count, row_count
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
@@ -121,16 +121,18 @@ def _nearest_dataset(root: Path) -> str | None:
     return f"did you mean {found[0]}?" if found else None
 
 
-def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
-    """Check that a manifest has the sensors of its plan, and not far more rows than the plan requires.
+def _check_rows(manifest: Manifest, files: Mapping[str, tuple[int, str]], plan: DatasetPlan) -> None:
+    """Check that a manifest has the sensors of its plan, and not far more rows and bytes than the plan requires.
 
-    Few surplus rows, and missing ones, are reported singly.
+    Few surplus rows, and missing ones, are reported singly. Every byte is hashed, and a sparse file has any number.
     """
     for variant in plan.variants:
         row = manifest["variants"][variant.variant]
         surplus = {*row["frames"], *row.get("intervals", {})} - {sensor.name for sensor in variant.rig.sensors}
         if surplus:
             raise ValueError(f"{variant.variant} has frames of {min(surplus)!r}, which is no sensor of its plan")
+        if row.get("intervals", {}) != {s.name: s.interval for s in variant.rig.sensors if s.interval > 1}:
+            raise ValueError(f"{variant.variant} has other intervals of frames than its plan")
     rows = [row["frames"] for row in manifest["variants"].values()]
     frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
     for number, most, what in (
@@ -139,6 +141,9 @@ def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -
     ):
         if number > 4 * most + 10_000:
             raise ValueError(f"it lists {number:,} {what}, and its plan requires {most:,}")
+    size, largest = sum(size for size, _ in files.values()), byte_count(plan)
+    if size > largest:
+        raise ValueError(f"it lists {size:,} bytes of files, and those of its plan have at most {largest:,}")
 
 
 def plan_alone(path: Path) -> DatasetPlan:

@@ -79,7 +79,7 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
         parts = [part for part in ("scene", "rig", "appearance") if getattr(a, part) != getattr(b, part)]
         if parts:
             found.append(Difference("plan", f"{name}: different {' and '.join(parts)} plan", excuse, name))
-    if not found and plan.digest != lock.plan:
+    if not found and (plan.digest != lock.plan or list(ours) != list(lock.variants)):  # the identity covers the order
         found.append(
             Difference("plan", "the variants are equal, but their order or the requested outputs differ", excuse=excuse)
         )
@@ -87,16 +87,19 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
 
 
 def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
-    """Compare the parts of a dataset's manifest that no identity covers: description, and plan digests of the variants.
+    """Compare the parts of a dataset that no identity covers: description, outputs, and the plans in its folder.
 
     Args:
-        plan: the plan of the recipe or, without a recipe, the dataset's own.
+        plan: the plan of the recipe or, without a recipe, the dataset's own. A recipe's plan is compared with the
+            manifest's digests; here, these are compared with the dataset's own plan, which determines its files.
         dataset: the dataset; each plan digest is compared with the plan in its folder.
     """
     found, excuse = [], excuse_of("plan", dataset.lock)
     if dataset.plan.description != plan.description:
         message = f"{layout.MANIFEST}: the description of the dataset is not the recipe's"
         found.append(Difference("recipe", message))
+    own = compare_plans(dataset.plan, dataset.lock) if dataset.plan is not plan else []
+    found += [replace(difference, message=f"{layout.MANIFEST}: {difference.message}") for difference in own]
     return found + [
         Difference("plan", f"{layout.MANIFEST}: the plan digest of {v.variant} is not that of its plan", excuse)
         for v in dataset.plan.variants

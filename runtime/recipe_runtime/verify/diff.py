@@ -92,6 +92,9 @@ def _seals(a: Side, b: Side) -> Iterator[Difference]:
     for side in (a, b):
         if not side.lock.sealed:
             yield Difference("lockfile", f"{side.name} was damaged or edited: its digests do not add up")
+        elif side.listed is not None and side.plan is not None and side.plan.digest != side.lock.plan:
+            message = f"{side.name} was damaged or edited: its plans and outputs do not have its plan digest"
+            yield Difference("lockfile", message)
     if a.locked and b.locked and a.lock.recipe != b.lock.recipe:
         yield Difference("recipe", f"{a.name} is of the recipe {a.lock.recipe!r}, {b.name} of {b.lock.recipe!r}")
 

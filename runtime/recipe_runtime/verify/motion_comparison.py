@@ -7,7 +7,7 @@ if such motion is recorded at all, as rows of bodies in a lockfile or as the tra
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from recipe_compiler.ir.lockfile import Lockfile
@@ -81,6 +81,27 @@ def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | 
         return None  # a manifest has no rows of bodies
     ours = digests.body_motions(trace)
     return next((actor for actor, row in rows.items() if row is not None and row != ours[actor]), None)
+
+
+def body_differences(
+    plan: DatasetPlan, lock: Lockfile, trace_of: Callable[[ScenePlan], Trace | None]
+) -> list[Difference]:
+    """Compare a lockfile's rows of bodies with the Traces that it lists.
+
+    Args:
+        plan: the plan.
+        lock: the lockfile.
+        trace_of: returns a scene's Trace, or None. Scenes without the locked Trace are left out.
+    """
+    found = []
+    for digest, scene in {v.scene.digest: v.scene for v in plan.variants}.items() if lock.bodies else ():
+        trace = trace_of(scene)
+        body = None
+        if trace is not None and trace.digest == lock.traces.get(digest):
+            body = contradicting_body(lock, scene, trace)
+        if body is not None:
+            found.append(Difference("trace", f"body {body}: its row contradicts the trace's"))
+    return found
 
 
 def matching_traces(

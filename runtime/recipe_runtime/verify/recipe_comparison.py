@@ -16,7 +16,7 @@ from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.loading import TooLargeError, compiled_with_files
 from recipe_runtime.verify.compare import compare_rows
 from recipe_runtime.verify.excuses import excuse_of
-from recipe_runtime.verify.motion_comparison import contradicting_body
+from recipe_runtime.verify.motion_comparison import body_differences
 from recipe_runtime.verify.verdict import Difference
 
 
@@ -97,10 +97,5 @@ def _lockfile_differences(
     source = (dataset.recipe_file or "").removeprefix(layout.RECIPE)
     if files is not None and (lock.files, lock.source) != (files, f"..{source}"):
         found.append(Difference("lockfile", "its rows of files are not those of the recipe in the dataset"))
-    for scene in {v.scene.digest: v.scene for v in dataset.plan.variants}.values():
-        trace = traces.get(scene.digest)
-        if trace is not None and trace.digest == lock.traces.get(scene.digest):
-            body = contradicting_body(lock, scene, trace)
-            if body is not None:
-                found.append(Difference("trace", f"body {body}: its row contradicts the trace's"))
+    found += body_differences(dataset.plan, lock, lambda scene: traces.get(scene.digest))
     return [replace(difference, message=f"{path}: {difference.message}", path=path) for difference in found]

@@ -135,6 +135,7 @@ def verify(
         check.close()
     bound = Bound(compared, len(choices), options.confidence)
     note = text_note(lock, plan.digest, files or {})
+    versions = [row for held in (lock, *([dataset.lock] if dataset is not None else [])) for row in version_notes(held)]
     return Report(
         plan.recipe,
         lock.identity,
@@ -142,14 +143,14 @@ def verify(
         bound,
         differences,
         pictures,
-        notes=[*([note] if note else []), *check.notes, *version_notes(lock)],
+        notes=[*([note] if note else []), *check.notes, *dict.fromkeys(versions)],
         resumed=check.resumed,
     )
 
 
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
     """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
-    differences = compare_rows(dataset.plan, dataset.lock) + compare_manifest(dataset.plan, dataset)
+    differences = _listed_differences(dataset.plan, dataset.lock, None, dataset)
     differences += _recipe_and_damage(differences, dataset, options, progress)
     bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
     return Report(

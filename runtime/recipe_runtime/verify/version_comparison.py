@@ -10,7 +10,7 @@ import re
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plurals import count
 
-from recipe_runtime.core.versions import STAGES, host_versions
+from recipe_runtime.core.versions import STAGES, host_versions, tool_versions
 
 _RELEASE = "dataset-recipe"
 _FORM = re.compile(r"none|[0-9][0-9A-Za-z.+-]{0,60}")
@@ -38,7 +38,7 @@ def tool_faults(lock: Lockfile) -> list[str]:
 
 
 def version_notes(lock: Lockfile) -> list[str]:
-    """Return a note of one line each on versions of stages and of tools that differ from those here."""
+    """Return a note of one line each on versions of stages and tools that differ from those here or are missing."""
     ours, notes = host_versions(), []
     stages = [f"{stage} {lock.stages[stage]} (here {STAGES[stage]})" for stage in STAGES if _differs(lock, stage)]
     if stages:
@@ -50,6 +50,9 @@ def version_notes(lock: Lockfile) -> list[str]:
     ]
     if tools:
         notes.append(f"the recorded versions of tools differ from those here: {', '.join(tools)}")
+    missing = [tool for tool in tool_versions() if tool not in lock.tools]
+    if missing:
+        notes.append(f"versions of tools are not recorded: {', '.join(missing)}")
     return notes
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tarfile
 from dataclasses import replace
 from pathlib import Path
@@ -119,6 +120,17 @@ def test_a_manifest_with_an_invalid_interval_is_damaged(slow: Path, tmp_path: Pa
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(ValueError, match="intervals"):
         read_manifest(tmp_path)
+
+
+def test_intervals_of_a_manifest_are_those_of_its_plan(slow: Path, tmp_path: Path) -> None:
+    """Of a sensor that takes one frame only, no number of a frame depends on its interval."""
+    root = Path(shutil.copytree(slow, tmp_path / "slow"))
+    manifest = json.loads((root / "manifest.json").read_text())
+    for row in manifest["variants"].values():
+        row["intervals"] = {"street": 4}
+    (root / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match="has other intervals of frames than its plan"):
+        datasets.read(root)
 
 
 @pytest.mark.slow

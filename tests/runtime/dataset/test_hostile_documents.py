@@ -264,6 +264,20 @@ def test_a_manifest_with_more_rows_than_its_plan_needs_is_refused(built: Path) -
         path.write_bytes(before)
 
 
+def test_a_manifest_with_far_more_bytes_than_its_plan_needs_is_refused(built: Path) -> None:
+    """Every listed byte is hashed: a sparse file of 1 TiB takes an archive of some KB, and minutes of CPU."""
+    path = built / "manifest.json"
+    before = path.read_bytes()
+    manifest = json.loads(before)
+    manifest["pictures"]["preview/contact_sheet.png"]["size"] = 1 << 40
+    try:
+        path.write_text(json.dumps(manifest))
+        with pytest.raises(InputError, match=r"it lists 1,099,\d{3},\d{3},\d{3} bytes of files"):
+            datasets.read(built)
+    finally:
+        path.write_bytes(before)
+
+
 _READ = """
 import sys, time
 from pathlib import Path

@@ -19,6 +19,8 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import STAGES, host_versions
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.verify import sampling
+from recipe_runtime.verify.diff import Side
+from recipe_runtime.verify.diff import differences as compared
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify, verify_files
@@ -186,6 +188,46 @@ def test_a_forged_plan_digest_of_a_variant_fails(copy: Path) -> None:
     for report in (check_folder(copy), verify_files(held, Options(nonce=1), quiet)):
         assert (report.verdict, report.stage) == ("FAIL", "plan")
         assert "manifest.json: the plan digest of v=1" in report.differences[0].message
+
+
+def test_a_dataset_with_fewer_outputs_than_its_plan_digest_says_fails(locked: Lockfile, copy: Path) -> None:
+    """Its own outputs determine which files it must have, so they must be those of the plan that it claims."""
+
+    def cut(manifest: dict[str, Any]) -> None:
+        manifest["outputs"]["annotations"] = []
+        for path in [path for path in manifest["files"] if path.startswith(("annotations/", "mots/"))]:
+            del manifest["files"][path]
+
+    edit_manifest(copy, cut)
+    for folder in ("annotations", "mots"):
+        shutil.rmtree(copy / folder, ignore_errors=True)
+    held = datasets.read(copy)
+    assert held.lock.identity == locked.identity
+    for report in (check(locked, dataset=held), verify_files(held, Options(nonce=1), quiet)):
+        assert (report.verdict, report.stage) == ("FAIL", "plan")
+    lockfile = Side("lockfile", held.lock, None, finished=True)
+    side = Side("folder", held.lock, held.plan, listed={}, finished=True)
+    (found,) = compared(lockfile, side)
+    assert str(found).startswith("lockfile: folder was damaged or edited")
+
+
+def test_variants_of_a_lockfile_in_another_order_fail(locked: Lockfile) -> None:
+    """The identity depends on their order, and a PASS shows the identity."""
+    forged = replace(locked, variants=dict(reversed(locked.variants.items())))
+    assert forged.identity != locked.identity
+    report = check(forged)
+    assert (report.verdict, report.stage) == ("FAIL", "plan")
+
+
+def test_versions_of_a_dataset_are_noted_that_is_compared_with_a_lockfile(locked: Lockfile, copy: Path) -> None:
+    edit_manifest(copy, lambda manifest: manifest["tools"].update(numpy="1.0.0"))
+    report = check(locked, dataset=datasets.read(copy))
+    assert len([note for note in report.notes if "numpy 1.0.0" in note]) == 1
+
+
+def test_versions_of_tools_that_a_lockfile_lacks_are_noted(locked: Lockfile) -> None:
+    report = check(replace(locked, tools={k: v for k, v in locked.tools.items() if k != "numpy"}))
+    assert (report.verdict, report.notes) == ("PASS", ["versions of tools are not recorded: numpy"])
 
 
 @pytest.mark.slow
