@@ -66,7 +66,8 @@ def read(content: bytes) -> list[Raw]:
     for column, (what, most) in enumerate(limits):
         check_count(sum(document.counts(mesh)[column] for mesh, _ in placed), what, most)
     raws = [raw for mesh, matrix in placed for raw in document.parts(mesh, matrix)]
-    shown = sum(document.image_bytes(number) for number in {raw.picture for raw in raws if raw.picture is not None})
+    numbers = sorted({raw.picture for raw in raws if raw.picture is not None})
+    shown = sum(map(document.image_bytes, numbers))
     if shown > len(content) + MAX_REPEATED:  # each image is decoded, so one must not be there under many numbers
         raise AssetError(f"its images of {shown:,} bytes are parts of each other; export it with each image once")
     return raws
