@@ -111,7 +111,8 @@ class Target:
         if self._existing == manifest and self._is_complete(rows, sizes):
             return Copied(0, 0, len(rows))
         journal = UploadJournal(root, self._full)
-        known = listed_files(self._existing) if self._existing else journal.rows(self._marker_token())
+        with self._reported():
+            known = listed_files(self._existing) if self._existing else journal.rows(self._marker_token())
         foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, MARKER})
         if foreign:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
@@ -228,7 +229,7 @@ class Target:
             except FileNotFoundError:
                 return {}
         head = self._prefix.rstrip("/") + "/"
-        return {name[len(head) :]: int(row["size"]) for name, row in found.items() if name.startswith(head)}
+        return {name[len(head) :]: int(row["size"] or 0) for name, row in found.items() if name.startswith(head)}
 
     def _manifest(self) -> Manifest | None:
         """Return the manifest below the prefix; None if there is no valid one."""
@@ -277,8 +278,8 @@ def located(url: str) -> tuple[Any, str]:
     """
     if not url.partition("://")[2].strip("/"):
         raise InputError(f"{urls.shown(url)} has no path; write for example s3://bucket/name")
-    scheme_of(url)
-    fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
+    url = scheme_of(url) + url[url.index("://") :].rstrip("/")  # fsspec knows schemes in lower case only
+    fs, prefix = fsspec.core.url_to_fs(url, use_listings_cache=False)
     return fs, prefix
 
 

@@ -76,7 +76,7 @@ def test_a_file_url_is_read_in_place(built: Path) -> None:
     with fetched(f"file://{built}", _silent) as folder:
         assert folder == built
     assert built.is_dir()
-    assert integrity(f"file://{built}").verdict == "PASS"
+    assert integrity(f"file://{built}").verdict == integrity(f"FILE://{built}").verdict == "PASS"
 
 
 @pytest.mark.parametrize(
