@@ -20,7 +20,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from recipe_compiler.ir.errors import Code, InputError, Problem, RecipeError, RunError
 
@@ -113,7 +113,7 @@ def _answer(answers: IO[bytes], url: str, root: Path, download: Download) -> Non
     """Download, and write the answers."""
     lock = threading.Lock()
 
-    def say(**answer: Any) -> None:
+    def say(**answer: object) -> None:
         with lock, contextlib.suppress(BrokenPipeError):
             answers.write(json.dumps(answer).encode() + b"\n")
             answers.flush()
