@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import io
 import json
-import struct
+import warnings
 from typing import Any
 
 import numpy as np
@@ -60,14 +60,16 @@ def _document(key: str, data: bytes) -> Any:
 
 
 def _pixels(key: str, data: bytes) -> NDArray[Any]:
-    width, height = struct.unpack(">II", data[16:24].ljust(8, b"\0"))  # of a PNG
-    if max(width, height) > MAX_PIXELS_A_SIDE:
-        raise ValueError(f"{key}: a picture of {width} x {height} pixels is larger than {MAX_PIXELS_A_SIDE} a side")
     try:
-        with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
-            return np.array(picture)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow's about large pictures, which are refused below
+            with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:  # reads the headers only
+                width, height = picture.size
+                if max(width, height) <= MAX_PIXELS_A_SIDE:
+                    return np.array(picture)
     except Exception as error:  # Pillow raises errors of many types for damaged files
         raise ValueError(f"{key}: cannot be decoded: {error}") from None
+    raise ValueError(f"{key}: a picture of {width} x {height} pixels is larger than {MAX_PIXELS_A_SIDE} a side")
 
 
 def _metres(data: bytes) -> NDArray[np.float32]:

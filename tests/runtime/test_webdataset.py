@@ -121,6 +121,7 @@ GREY = codecs.png(np.zeros((2, 3), np.uint8))
         (".json", b"[" * 100_000),
         (".rgb.png", codecs.png(np.zeros((1, 4097, 3), np.uint8))),
         (".instance.png", codecs.png(np.zeros((4097, 1), np.uint16))),
+        (".rgb.png", GREY[:33] + codecs.png(np.zeros((1, 4097, 3), np.uint8))[8:]),  # a second header
         (".depth.npy", HUGE),
     ],
 )

@@ -24,6 +24,7 @@ from recipe_compiler.source.yaml_reader import Value, printable, show
 
 MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20
 ALL_TRIANGLES, ALL_PIXELS = 2_000_000, MAX_TEXTURE_PIXELS
+ALL_PARTS = 100_000  # each part of a mesh costs time, however small it is
 INVALID_FILES, INVALID_BYTES = 5, 32 << 20  # invalid files that are decoded before the others are left out
 MISSING_FILES = 50  # files that cannot be read, likewise
 _KINDS = {"mesh": ("glb", "gltf", "obj", "stl"), "image": ("png",)}
@@ -54,6 +55,7 @@ class AssetFile:
     file: FilePlan
     up: str = "z"  # the axis of the file that points up
     triangles: int = 0
+    parts: int = 0  # of a mesh: as many as its nodes have primitives
     pixels: tuple[int, int] = (0, 0)  # width and height of an image; for a mesh, all pixels of its textures and 1
     low: Corner = (0.0, 0.0, 0.0)  # minimum corner of the bounding box
     high: Corner = (0.0, 0.0, 0.0)  # maximum corner
@@ -99,7 +101,7 @@ def read(
     """
     found: dict[str, AssetFile] = {}
     problems: list[Problem] = []
-    total = triangles = pixels = 0
+    total = triangles = pixels = parts = 0
     invalid: list[int] = []  # sizes of invalid files
     for name, wanted in {**_wanted(root, assets, folder, sources), **(textures or {})}.items():
         asset, path, place, label = wanted.asset, wanted.path, wanted.place, wanted.label
@@ -123,8 +125,8 @@ def read(
         if asset.sha256 is not None and asset.sha256 != one.file.sha256:
             problems.append(other_file(label, path, one.file.sha256, wanted.pinned))
         total, triangles = total + one.file.bytes, triangles + one.triangles
-        pixels += one.pixels[0] * one.pixels[1]
-        for number, what, most in _sums(total, triangles, pixels):
+        pixels, parts = pixels + one.pixels[0] * one.pixels[1], parts + one.parts
+        for number, what, most in _sums(total, triangles, pixels, parts):
             message = f"assets: {number} {what} in total up to here exceed the limit of {most}"
             problems.append(Problem(message, place, "use fewer or smaller assets", Code.INPUT_LIMIT))
             return found, problems
@@ -182,9 +184,14 @@ def _path(names_it: str, given: str) -> str:
     return str(PurePosixPath(names_it).parent / given)
 
 
-def _sums(total: int, triangles: int, pixels: int) -> Iterator[tuple[int, str, int]]:
+def _sums(total: int, triangles: int, pixels: int, parts: int) -> Iterator[tuple[int, str, int]]:
     """Yield the exceeded limits: count, unit, limit."""
-    every = ((total, "bytes", ALL_BYTES), (triangles, "triangles", ALL_TRIANGLES), (pixels, "pixels", ALL_PIXELS))
+    every = (
+        (total, "bytes", ALL_BYTES),
+        (triangles, "triangles", ALL_TRIANGLES),
+        (pixels, "pixels", ALL_PIXELS),
+        (parts, "parts of meshes", ALL_PARTS),
+    )
     return (row for row in every if row[0] > row[2])
 
 
@@ -256,4 +263,5 @@ def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) 
         pixels += height * width
         if pixels > ALL_PIXELS:
             raise ValueError(f"its textures have more than {ALL_PIXELS >> 20} Mpx in total; make them smaller")
-    return AssetFile(name, path, file, up, mesh.triangles, (pixels, 1), mesh.low, mesh.high, materials)
+    counts = mesh.triangles, len(mesh.parts)
+    return AssetFile(name, path, file, up, *counts, (pixels, 1), mesh.low, mesh.high, materials)

@@ -19,6 +19,7 @@ _COLON = re.compile(r":|%3A", re.IGNORECASE)
 _PARAMETERS = re.compile(
     r";[^;?#]*?=(?:(?!::[A-Za-z][A-Za-z0-9+.-]*:/).)*"
 )  # `;sig=...`, up to a URL that is chained to this one
+_ALL_PARAMETERS = re.compile(r";[^;?#]*?=.*")  # with what looks like a chained URL, which may be a part of a secret
 _PATHS = {"file", "local"}  # URLs of these are paths alone
 _END = re.compile(r"""['"`:;,.)\]}>]*\Z""")  # punctuation of the sentence around a URL
 _PORTS = {"http", "https", "ftp", "ftps", "sftp", "ssh", "smb", "hdfs", "webhdfs", "memory"}  # `host:21`, not `key:21`
@@ -88,7 +89,8 @@ def _secrets(url: str) -> set[str]:
     for match in _URL.finditer(url):
         user, password, place = _split(match["scheme"], match["rest"], match["slashes"])
         place, _, fragment = place.partition("#")
-        parameters = [text.partition("=") for found in _PARAMETERS.findall(place) for text in found[1:].split(";")]
+        found_parameters = [*_PARAMETERS.findall(place), *_ALL_PARAMETERS.findall(place)]
+        parameters = [text.partition("=") for found in found_parameters for text in found[1:].split(";")]
         values = [value for pair in place.partition("?")[2].split("&") for value in (pair.partition("=")[2], pair)]
         values += [text for name, _, value in parameters for text in (value, f"{name}={value}") if value]
         found |= {password or "", fragment, *values} | ({user} if password is None else set())

@@ -36,6 +36,7 @@ MAX_BYTES = 512 << 20
 MAX_FILES = 65_534  # a ZIP file has at most 65,535 entries, one of which is the index
 MAX_FOLDERS = 2_000
 _INDEX = "pack.json"
+_LOCKFILES = "lockfiles"  # a folder
 _MAX_PATH = 200  # characters
 _MAX_INDEX = 4096 + MAX_FILES * (_MAX_PATH + 70)  # bytes: a row holds a path and a SHA-256
 _FORMAT = "recipe/pack/1"
@@ -123,7 +124,7 @@ def unpacked(path: Path, find_used: Callable[[Path], UsedFiles | None] = lambda 
             for name, body in pack.files.items():
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_bytes(body)
-            (root / "lockfiles").mkdir(exist_ok=True)  # lockfiles in parent folders are then ignored
+            (root / _LOCKFILES).mkdir(exist_ok=True)  # lockfiles in parent folders are then ignored
         if is_lockfile(root / pack.recipe):  # which `recipe verify` would verify, whatever else the pack holds
             raise InputError(f"{path}: its recipe {pack.recipe!r} is a lockfile; pack the recipe again")
         _check_used(path, pack, find_used(root / pack.recipe))
@@ -161,7 +162,7 @@ def _check(recipe: str, sizes: Mapping[str, int]) -> None:
     taken: dict[str, str] = {}
     for path in sizes:
         parts = path.split("/")
-        if path == _INDEX or len(path) > _MAX_PATH or not all(_PART.fullmatch(part) for part in parts):
+        if path in (_INDEX, _LOCKFILES) or len(path) > _MAX_PATH or not all(_PART.fullmatch(part) for part in parts):
             raise InputError(
                 f"{path!r} cannot be a file of a pack; use letters, digits and ._+=,@- in names, and no dot first"
             )
@@ -187,7 +188,7 @@ def _check_used(path: Path, pack: Pack, used_files: UsedFiles | None) -> None:
     used = {str(below / file) for file in files}
     if not used <= set(pack.files):
         return  # the compiler reports the missing file and its place
-    used |= {str(below / "lockfiles" / f"{name}{ending}") for ending in (".lock", ".traces")}
+    used |= {str(below / _LOCKFILES / f"{name}{ending}") for ending in (".lock", ".traces")}
     unused = sorted(set(pack.files) - used)
     if unused:
         more = f" and {len(unused) - 1:,} more" if len(unused) > 1 else ""
@@ -197,9 +198,14 @@ def _check_used(path: Path, pack: Pack, used_files: UsedFiles | None) -> None:
 def _placed(error: InputError, folder: str, pack: str) -> list[Problem]:
     """Return the same problems, with places in the pack instead of the temporary folder."""
     found = []
+    spellings = sorted((folder, os.path.relpath(folder)), key=len, reverse=True)  # one may contain the other
+
+    def named(text: str) -> str:
+        return text.replace(spellings[0], pack).replace(spellings[1], pack)
+
     for problem in error.problems:
         place = problem.place
         if place is not None:
-            place = Place(place.file.replace(folder, pack), place.line, place.column)
-        found.append(replace(problem, message=problem.message.replace(folder, pack), place=place))
+            place = Place(named(place.file), place.line, place.column)
+        found.append(replace(problem, message=named(problem.message), place=place))
     return found

@@ -1,8 +1,9 @@
 """Downloads a dataset from any store that fsspec supports into a temporary folder.
 
-The store is not trusted. Only the files listed in the manifest are read, each up to its listed size, and nothing is
-written outside the folder. Unlisted files are represented by empty files of the same name, and files of another size by
-files of that size, so that verification of the folder reports them. A `file://` URL is read in place.
+The store is not trusted. It is read in a child process with limits (`download_process`). Only the files listed in the
+manifest are read, each up to its listed size, and nothing is written outside the folder. Unlisted files are represented
+by empty files of the same name, and files of another size by files of that size, so that verification of the folder
+reports them. A `file://` URL is read in place.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
@@ -24,15 +25,17 @@ from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.limits import MAX_FILES
 from recipe_runtime.dataset.manifest import listed_files, stays_inside
 from recipe_runtime.dataset.manifest_reader import MAX_BYTES
-from recipe_runtime.transfer.upload import located, reported_errors, scheme_of
+from recipe_runtime.transfer import download_process
+from recipe_runtime.transfer.upload import connections, located, reported_errors, scheme_of
 
 MAX_LISTED_BEYOND = 100_000  # limit of entries in a dataset's folders, beyond the number of listed files
 MAX_SURPLUS = 1_000  # limit of surplus files that are represented
-_AT_ONCE = 8  # concurrent downloads
 _PIECE = 1 << 20
 _UNKNOWN = -1  # size of a file whose store does not report it
 _LARGEST = 1 << 40  # files of at least this size are not downloaded
 _LISTLESS = ("http", "https")
+_LOCAL = ("file", "local")
+_OF_THIS_PROCESS = ("memory",)  # other stores are read in a child process
 
 
 @contextmanager
@@ -50,22 +53,38 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
     shown = urls.shown(url)
     if scheme_of(url) in _LISTLESS:
         raise InputError(f"{shown}: a web server does not list its files; download the dataset, then name its folder")
-    with reported_errors(url, "try again"):
-        fs, prefix = located(url)
-    if "file" in fs.protocol:
-        yield Path(prefix)
+    if scheme_of(url) in _LOCAL:
+        with reported_errors(url, "try again"):
+            place = Path(located(url)[1])
+        yield place
         return
     with tempfile.TemporaryDirectory(prefix="recipe-fetch-") as folder:
         root = Path(folder) / "dataset"
         root.mkdir()
-        with reported_errors(url, "try again"):
-            _Fetch(shown, fs, prefix.rstrip("/"), root).all(progress)
+        if scheme_of(url) in _OF_THIS_PROCESS:
+            download(url, root, progress)
+        else:
+            download_process.run(url, root, progress)
         yield root
 
 
+def download(url: str, root: Path, progress: Progress, beat: Callable[[], None] = lambda: None) -> None:
+    """Download the dataset at a URL into a folder, in this process.
+
+    Args:
+        url: an fsspec URL of a dataset's folder.
+        root: an empty folder.
+        progress: reports progress in files.
+        beat: called after each listing and each MiB.
+    """
+    with reported_errors(url, "try again"):
+        fs, prefix = located(url)
+        _Fetch(urls.shown(url), fs, prefix.rstrip("/"), root, beat).all(progress)
+
+
 class _Fetch:
-    def __init__(self, url: str, fs: Any, prefix: str, root: Path) -> None:
-        self._url, self._fs, self._prefix, self._root = url, fs, prefix, root
+    def __init__(self, url: str, fs: Any, prefix: str, root: Path, beat: Callable[[], None]) -> None:
+        self._url, self._fs, self._prefix, self._root, self._beat = url, fs, prefix, root, beat
 
     def all(self, progress: Progress) -> None:
         rows = self._manifest()
@@ -76,7 +95,7 @@ class _Fetch:
         self._check_free_space(sum(size for path, (size, _) in rows.items() if sizes.get(path) in (size, _UNKNOWN)))
         wanted = [path for path in rows if sizes.get(path) is not None and path != layout.MANIFEST]
         progress("fetch", 0, len(wanted))
-        with ThreadPoolExecutor(_AT_ONCE) as threads:
+        with ThreadPoolExecutor(connections(self._fs)) as threads:
             tasks = [threads.submit(self._download_file, path, rows[path][0], sizes[path] or 0) for path in wanted]
             try:
                 for done, task in enumerate(as_completed(tasks), start=1):
@@ -124,6 +143,7 @@ class _Fetch:
                 rows = self._fs.ls(head.rstrip("/"), detail=True)
             except (FileNotFoundError, NotADirectoryError):
                 continue
+            self._beat()
             left -= len(rows)
             if left < 0:
                 raise InputError(f"{self._url} holds far more files than a dataset; remove the others")
@@ -168,6 +188,7 @@ class _Fetch:
             while left and (piece := source.read(min(left, _PIECE))):
                 target.write(piece)
                 left -= len(piece)
+                self._beat()
 
     def _make(self, path: str) -> Any:
         place = self._root / path

@@ -34,7 +34,8 @@ SCHEMES = (
     "webhdfs", "smb", "oci", "oss", "http", "https",
 )  # fmt: skip
 _MAX_MARKER = 10_000  # bytes
-_AT_ONCE = 8  # concurrent uploads
+_AT_ONCE = 8  # concurrent transfers
+_ONE_CONNECTION = "ftp"  # fsspec's file system for it has one connection, which two threads cannot use at once
 _S3, _GCS = "s3fs>=2024.6", "gcsfs>=2024.6"  # must equal the extras s3 and gcs of pyproject.toml
 _LIBRARIES = {"s3": _S3, "s3a": _S3, "gs": _GCS, "gcs": _GCS}
 
@@ -110,7 +111,8 @@ class Target:
         if self._existing == manifest and self._is_complete(rows, sizes):
             return Copied(0, 0, len(rows))
         journal = UploadJournal(root, self._full)
-        known = listed_files(self._existing) if self._existing else journal.rows(self._marker_token())
+        with self._reported():
+            known = listed_files(self._existing) if self._existing else journal.rows(self._marker_token())
         foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, MARKER})
         if foreign:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
@@ -143,7 +145,7 @@ class Target:
         duplicates = [path for path in missing if firsts[rows[path]] != path]
         done = 0
         for batch in (list(firsts.values()), duplicates):
-            with ThreadPoolExecutor(_AT_ONCE) as threads:
+            with ThreadPoolExecutor(connections(self._fs)) as threads:
                 tasks = [threads.submit(self._place_file, root, path, firsts[rows[path]], rows[path]) for path in batch]
                 try:
                     for task in as_completed(tasks):
@@ -164,17 +166,18 @@ class Target:
         Return the path and row of the file now in place.
         """
         if path != first:
-            self._prepare(path)
-            self._fs.cp_file(self._at(first), self._at(path))
-        elif file_sha256(root / path) != row[1]:
+            with suppress(NotImplementedError):  # some stores do not copy, and get the file again
+                self._prepare(path)
+                self._fs.cp_file(self._at(first), self._at(path))
+                return path, row
+        if file_sha256(root / path) != row[1]:
             raise InputError(
                 f"{root / path} differs from its SHA-256 in the manifest",
                 help="repair the dataset",
                 code=Code.INVALID_DATASET,
             )
-        else:
-            self._prepare(path)
-            self._fs.put_file(str(root / path), self._at(path))
+        self._prepare(path)
+        self._fs.put_file(str(root / path), self._at(path))
         return path, row
 
     def _write(self, path: str, body: bytes) -> None:
@@ -226,7 +229,7 @@ class Target:
             except FileNotFoundError:
                 return {}
         head = self._prefix.rstrip("/") + "/"
-        return {name[len(head) :]: int(row["size"]) for name, row in found.items() if name.startswith(head)}
+        return {name[len(head) :]: int(row["size"] or 0) for name, row in found.items() if name.startswith(head)}
 
     def _manifest(self) -> Manifest | None:
         """Return the manifest below the prefix; None if there is no valid one."""
@@ -275,9 +278,15 @@ def located(url: str) -> tuple[Any, str]:
     """
     if not url.partition("://")[2].strip("/"):
         raise InputError(f"{urls.shown(url)} has no path; write for example s3://bucket/name")
-    scheme_of(url)
-    fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
+    url = scheme_of(url) + url[url.index("://") :].rstrip("/")  # fsspec knows schemes in lower case only
+    fs, prefix = fsspec.core.url_to_fs(url, use_listings_cache=False)
     return fs, prefix
+
+
+def connections(fs: Any) -> int:
+    """Return how many files of a store are transferred at once."""
+    protocols = (fs.protocol,) if isinstance(fs.protocol, str) else fs.protocol
+    return 1 if _ONE_CONNECTION in protocols else _AT_ONCE
 
 
 @contextmanager
@@ -291,7 +300,7 @@ def reported_errors(url: str, remedy: str) -> Iterator[None]:
     shown = urls.shown(url)
     try:
         yield
-    except RecipeError:
+    except (RecipeError, MemoryError):
         raise
     except ImportError as error:
         library = _LIBRARIES.get(url.partition("://")[0].lower())

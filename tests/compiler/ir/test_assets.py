@@ -195,6 +195,21 @@ def _accessors(at: int, **changes: Any) -> bytes:
     return glb(declared)
 
 
+def _shown_often() -> bytes:
+    """Return a GLB of 60 KB with 64 materials, each of which shows the same image under another number."""
+    declared, body = document()
+    filler = png(picture(), extra=modelling.chunk(b"teXt", bytes(50_000)))
+    declared["bufferViews"].append({"buffer": 0, "byteOffset": len(body), "byteLength": len(filler)})
+    declared["images"] = [{"bufferView": 4}] * 64
+    declared["textures"] = [{"source": n} for n in range(64)]
+    declared["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": n}}} for n in range(64)]
+    (primitive,) = declared["meshes"][0]["primitives"]
+    declared["meshes"] = [{"primitives": [{**primitive, "material": n} for n in range(64)]}]
+    body += filler + b"\0" * (-len(filler) % 4)
+    declared["buffers"] = [{"byteLength": len(body)}]
+    return glb(declared, body)
+
+
 BROKEN: dict[str, tuple[str, bytes, str]] = {
     "a cut STL": ("stl", stl()[:-7], "its header states 4 triangles (284 bytes), but it has 277 bytes"),
     "an STL that boasts": ("stl", stl(declared=2**32 - 1), "4294967295 triangles"),
@@ -246,6 +261,7 @@ BROKEN: dict[str, tuple[str, bytes, str]] = {
     "many parts": ("glb", _glb(nodes=[{"children": list(range(1, 10_000))}, *[{"mesh": 0}] * 9_999],
                                meshes=[{"primitives": [{"attributes": {"POSITION": 0}}] * 12}]),
                    "119988 parts exceed the limit"),
+    "an image shown often": ("glb", _shown_often(), "are parts of each other; export it with each image once"),
     "a giant polygon": ("obj", obj() + b"f " + b"1 2 3 " * 170_000 + b"\n", "510002 triangles exceed the limit"),
     "a giant line": ("obj", obj() + b"f " + b"1 2 3 " * 200_000 + b"\n", "line 9 is longer than 1 MiB"),
 }  # fmt: skip
@@ -269,6 +285,33 @@ def _header(width: int, height: int, depth: int = 8, colour: int = 2) -> bytes:
     return png(picture())[:8] + modelling.chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
 
 
+PALETTE = bytes(range(6))  # of two colours
+
+
+def _indexed(palette: bytes, *, extra: bytes = b"", late: bytes = b"") -> bytes:
+    """Return a PNG of two pixels, of the first and the second colour of a palette; `late` chunks follow the pixels."""
+    colours = modelling.chunk(b"PLTE", palette) if palette else b""
+    pixels = modelling.chunk(b"IDAT", zlib.compress(b"\0\0\1"))
+    return _header(2, 1, 8, 3) + colours + extra + pixels + late + modelling.chunk(b"IEND", b"")
+
+
+def _see_through_grey(depth: int) -> bytes:
+    """Return a grey PNG of one pixel, of the value 1, which is transparent."""
+    pixels = modelling.chunk(b"IDAT", zlib.compress(bytes([0, 1 << (8 - depth)])))
+    clear = modelling.chunk(b"tRNS", b"\0\1")
+    return _header(1, 1, depth, 0) + clear + pixels + modelling.chunk(b"IEND", b"")
+
+
+def test_images_of_a_palette_and_of_many_pieces_are_read() -> None:
+    assert image(_indexed(PALETTE), "png").tolist() == [[[0, 1, 2], [3, 4, 5]]]
+    whole = png(picture())
+    at = whole.index(b"IDAT") - 4
+    length = int.from_bytes(whole[at : at + 4], "big")
+    body = whole[at + 8 : at + 8 + length]
+    pieces = b"".join(modelling.chunk(b"IDAT", body[n : n + 1]) for n in range(len(body)))
+    assert (image(whole[:at] + pieces + whole[at + 12 + length :], "png") == picture()).all()
+
+
 BROKEN_IMAGES = {
     "a JPEG": (b"\xff\xd8\xff\xe0", "is not a PNG image but a JPEG"),
     "an SVG": (b"<svg/>", "is not a PNG image but text or XML"),
@@ -282,6 +325,22 @@ BROKEN_IMAGES = {
     "two headers": (_header(4, 3) + _header(60_000, 60_000)[8:] + png(picture())[33:], "it has two headers"),
     "see-through": (png(np.full((2, 2, 4), 128, np.uint8)), "is partly transparent"),
     "fewer rows": (_header(4, 400) + png(picture())[33:], "is truncated or damaged"),
+    "tiny chunks": (png(picture(), extra=modelling.chunk(b"tEXt", b"") * 5000), "has chunks of less than 64 bytes"),
+    "tiny pieces": (png(picture(), extra=modelling.chunk(b"IDAT", b"") * 5000), "has chunks of less than 64 bytes"),
+    "no palette": (_indexed(b""), "it has no valid palette"),
+    "half a colour": (_indexed(PALETTE[:-1]), "it has no valid palette"),
+    "a colour beyond": (_indexed(PALETTE[:3]), "a pixel has a colour beyond its palette"),
+    "two palettes": (_indexed(PALETTE, extra=modelling.chunk(b"PLTE", PALETTE)), "its PLTE chunk is repeated"),
+    "a late palette": (
+        _indexed(PALETTE, late=modelling.chunk(b"PLTE", PALETTE)),
+        "its PLTE chunk is repeated, or after",
+    ),
+    "see-through late": (
+        _indexed(PALETTE, late=modelling.chunk(b"tRNS", b"\0")),
+        "its tRNS chunk is repeated, or after",
+    ),
+    "see-through indices": (_indexed(PALETTE, extra=modelling.chunk(b"tRNS", b"\0")), "is partly transparent"),
+    **{f"see-through {depth}-bit grey": (_see_through_grey(depth), "is partly transparent") for depth in (1, 2, 4, 8)},
 }
 
 

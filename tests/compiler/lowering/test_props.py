@@ -151,12 +151,15 @@ def test_a_file_over_the_limit_is_not_read(tmp_path: Path, monkeypatch: pytest.M
         compiled(tmp_path, {})
 
 
-@pytest.mark.parametrize(("limit", "what"), [("ALL_BYTES", "bytes"), ("ALL_TRIANGLES", "tri"), ("ALL_PIXELS", "pix")])
+@pytest.mark.parametrize(
+    ("limit", "what", "most"),
+    [("ALL_BYTES", "bytes", 11), ("ALL_TRIANGLES", "tri", 11), ("ALL_PIXELS", "pix", 11), ("ALL_PARTS", "parts", 1)],
+)
 def test_all_assets_together_are_bounded(
-    limit: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    limit: str, what: str, most: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(asset_files, limit, 11)
-    with pytest.raises(InputError, match=rf"assets: \d+ {what}\w* in total up to here exceed the limit of"):
+    monkeypatch.setattr(asset_files, limit, most)
+    with pytest.raises(InputError, match=rf"assets: \d+ {what}[\w ]* in total up to here exceed the limit of"):
         compiled(tmp_path, {})
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import tracemalloc
 import zipfile
 from collections.abc import Callable, Iterable
@@ -61,6 +62,9 @@ def test_problems_of_the_recipe_name_the_file_in_the_pack(tmp_path: Path) -> Non
     with pytest.raises(InputError) as caught, unpacked(path) as recipe:
         raise InputError(Problem("the town is gone", Place(str(recipe), 3, 5)))
     assert str(caught.value) == f"{path}/street.yaml:3:5: the town is gone"
+    with pytest.raises(InputError) as caught, unpacked(path) as recipe:
+        raise InputError(f"{os.path.relpath(recipe.parent)}/lockfiles/street.lock: there is no lockfile")
+    assert str(caught.value) == f"{path}/lockfiles/street.lock: there is no lockfile"
 
 
 def _zip(entries: list[tuple[zipfile.ZipInfo | str, bytes]], kind: int = zipfile.ZIP_STORED) -> bytes:
@@ -134,6 +138,7 @@ def test_a_repeated_name_is_refused(tmp_path: Path) -> None:
         {"a": b"", "a/b": b""},
         {"Common/a": b"", "common/b": b""},
         {"a.yaml": b"", "pack.json": b""},
+        {"a.yaml": b"", "lockfiles": b""},
         {"a.yaml": b"", "x" * 201: b""},
         {"a.yaml": b"", "ümlaut": b""},
     ],

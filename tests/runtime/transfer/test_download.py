@@ -6,6 +6,7 @@ import io
 import json
 import re
 import shutil
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
@@ -16,15 +17,17 @@ import recipe_runtime
 from fsspec.spec import AbstractFileSystem
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import subprocesses
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.reader import read
-from recipe_runtime.transfer import download, upload
+from recipe_runtime.transfer import download, download_process, upload
 from recipe_runtime.transfer.download import fetched
 from recipe_runtime.transfer.upload import Target
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
+from tests.runtime.transfer import ftp_server
 
 URL = "memory://fetched/small"
 
@@ -73,7 +76,7 @@ def test_a_file_url_is_read_in_place(built: Path) -> None:
     with fetched(f"file://{built}", _silent) as folder:
         assert folder == built
     assert built.is_dir()
-    assert integrity(f"file://{built}").verdict == "PASS"
+    assert integrity(f"file://{built}").verdict == integrity(f"FILE://{built}").verdict == "PASS"
 
 
 @pytest.mark.parametrize(
@@ -234,6 +237,7 @@ class Hostile(AbstractFileSystem):  # type: ignore[misc]  # fsspec has no types
 def hostile(monkeypatch: pytest.MonkeyPatch) -> type[Hostile]:
     fsspec.register_implementation("hostile", Hostile, clobber=True)
     monkeypatch.setattr(upload, "SCHEMES", (*upload.SCHEMES, "hostile"))
+    monkeypatch.setattr(download, "_OF_THIS_PROCESS", ("hostile",))
     monkeypatch.setattr(Endless, "read_so_far", 0)
     return Hostile
 
@@ -296,3 +300,30 @@ def test_files_with_another_size_than_in_the_manifest_are_not_downloaded(
 def test_python_opens_recipes_from_local_files_only() -> None:
     with pytest.raises(InputError, match=r"s3://b/x\.yaml: a recipe is opened from a file of this host; copy it here"):
         recipe_runtime.open("s3://b/x.yaml")
+
+
+def test_a_dataset_on_an_ftp_server_is_read_over_its_one_connection(built: Path) -> None:
+    """fsspec's FTP file system has one connection; several threads would mix their answers."""
+    with ftp_server.serving(built) as url, fetched(url, _silent) as folder:
+        assert tree(folder) == tree(built)
+
+
+def test_a_store_that_sends_nothing_is_not_waited_for(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(download_process, "MAX_PAUSE", 3.0)
+    said = "no data arrived for 3 seconds; try again later"
+    with ftp_server.serving(built, stalls=True) as url, pytest.raises(RunError, match=said):
+        integrity(url)
+
+
+def test_a_listing_without_end_takes_limited_memory(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(download_process, "MAX_MEMORY", 200 << 20)
+    said = "takes more memory than that of any dataset; remove the other files"
+    with ftp_server.serving(built, lists_endlessly=True) as url, pytest.raises(InputError, match=said):
+        integrity(url)
+
+
+def test_a_download_that_ends_without_a_result_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    command = [sys.executable, "-c", "raise SystemExit(1)"]
+    monkeypatch.setattr(subprocesses, "command", lambda *_: command)
+    with pytest.raises(RunError, match="the download ended without a result; try again"):
+        integrity("ftp://127.0.0.1:1/x")

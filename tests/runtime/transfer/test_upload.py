@@ -322,3 +322,18 @@ def test_a_server_without_an_answer_is_an_error(s3: str, tmp_path: Path, monkeyp
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", s3)
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert done.stderr.startswith(f"error[remote]: {s3}: ")
+
+
+def test_a_store_that_cannot_copy_gets_equal_files_again(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    url = "memory://bucket/small"
+    memory = type(fsspec.filesystem("memory"))
+
+    def not_implemented(*_: Any, **__: Any) -> None:
+        raise NotImplementedError
+
+    monkeypatch.setattr(memory, "cp_file", not_implemented)
+    try:
+        put(url, built)
+        assert remote_files(url) == local(built)
+    finally:
+        memory.store.clear()

@@ -34,6 +34,7 @@ from recipe_compiler.ir.assets.names import slot_names
 MAX_JSON = 8 << 20
 MAX_VALUES = 500_000  # of the JSON; lists and objects included
 MAX_NODES = 10_000
+MAX_REPEATED = 1 << 20  # bytes of images beyond the file's size, which images that share data may have
 MAX_PARTS = 20_000  # of all nodes' meshes together; each costs time, however small it is
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -64,7 +65,12 @@ def read(content: bytes) -> list[Raw]:
     limits = ("triangles", MAX_TRIANGLES), ("vertices", MAX_VERTICES), ("parts", MAX_PARTS)
     for column, (what, most) in enumerate(limits):
         check_count(sum(document.counts(mesh)[column] for mesh, _ in placed), what, most)
-    return [raw for mesh, matrix in placed for raw in document.parts(mesh, matrix)]
+    raws = [raw for mesh, matrix in placed for raw in document.parts(mesh, matrix)]
+    numbers = sorted({raw.picture for raw in raws if raw.picture is not None})
+    shown = sum(map(document.image_bytes, numbers))
+    if shown > len(content) + MAX_REPEATED:  # each image is decoded, so one must not be there under many numbers
+        raise AssetError(f"its images of {shown:,} bytes are parts of each other; export it with each image once")
+    return raws
 
 
 def picture(content: bytes, number: int) -> png.Pixels:
@@ -301,6 +307,11 @@ class _Document:
         if not modes <= {_CLAMP, _REPEAT}:
             raise AssetError("has a mirrored texture wrap mode, which is not supported; use plain repetition")
         return _REPEAT in modes
+
+    def image_bytes(self, number: int) -> int:
+        """The size of an image in a buffer; 0 for one in the text, where it cannot share its data."""
+        view = self._item("images", number).get("bufferView")
+        return 0 if view is None else _whole(self._item("bufferViews", view)["byteLength"])
 
     def image(self, number: int) -> bytes:
         """The bytes of an image."""

@@ -11,6 +11,7 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +21,21 @@ from recipe_compiler.ir.assets.geometry import AssetError
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_PIXELS = 16 << 20
 MAX_SIDE = 8192
-_PIXEL_CHUNKS = {b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"}
+_READ = {b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"}
+_PALETTE = 3  # colour type of images whose pixels are indices of a palette
+_MIN_CHUNK = 64  # bytes, on average, of the chunks beyond the first thousand; each costs time, however small it is
 _OTHER_FORMATS = {b"\xff\xd8\xff": "a JPEG", b"GIF8": "a GIF", b"RIFF": "a WebP", b"BM": "a BMP", b"<": "text or XML"}
 
 Pixels = NDArray[np.uint8]  # [H, W, 3] sRGB
+
+
+class _Parts(NamedTuple):
+    """The contents of the chunks that determine the pixels; a palette or a transparency may be absent."""
+
+    header: bytes
+    palette: bytes | None
+    clear: bytes | None
+    packed: bytes
 
 
 def size(content: bytes) -> tuple[int, int]:
@@ -55,15 +67,22 @@ def decode(content: bytes, *, opaque: bool = True) -> Pixels:
     from PIL import Image, PngImagePlugin
 
     width, height = size(content)
-    chunks = list(_chunks(content))
-    _check_length(content, b"".join(chunk[8:-4] for chunk in chunks if chunk[4:8] == b"IDAT"))
-    plain = SIGNATURE + b"".join(chunks)
+    parts = _parts(content)
+    _check_length(content, parts.packed)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            with PngImagePlugin.PngImageFile(io.BytesIO(plain)) as file:
+            with PngImagePlugin.PngImageFile(io.BytesIO(_plain(parts))) as file:
+                if (
+                    parts.palette is not None
+                    and file.mode == "P"
+                    and 3 * int(np.asarray(file).max()) >= len(parts.palette)
+                ):
+                    raise AssetError("is damaged: a pixel has a colour beyond its palette; save it again")
                 clear = file.mode in ("RGBA", "LA", "PA") or "transparency" in file.info
                 pixels = np.asarray(file.convert("RGBA" if clear else "RGB"), np.uint8)
+    except AssetError:
+        raise
     except (OSError, ValueError, SyntaxError, EOFError, zlib.error, struct.error, Warning) as error:
         reason = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         raise AssetError(f"is truncated or damaged: {reason}; save it again") from None
@@ -102,20 +121,64 @@ def _check_length(content: bytes, packed: bytes) -> None:
         raise AssetError(f"is truncated or damaged: its pixels need {length} bytes of data; save it again")
 
 
-def _chunks(content: bytes) -> Iterator[bytes]:
-    """Yield the chunks that contain pixels."""
-    at, kind = len(SIGNATURE), b""
+def _parts(content: bytes) -> _Parts:
+    """Return the contents of the chunks that determine the pixels.
+
+    Raises:
+        AssetError: a chunk is missing, repeated, or not at its place.
+    """
+    header, found, packed = b"", dict[bytes, bytes](), list[bytes]()
+    for kind, body in _chunks(content):
+        if kind == b"IHDR":
+            header = body
+        elif kind == b"IDAT":
+            packed.append(body)
+        elif kind in (b"PLTE", b"tRNS"):
+            if packed or kind in found:
+                raise AssetError(
+                    f"is damaged: its {kind.decode()} chunk is repeated, or after the pixels; save it again"
+                )
+            found[kind] = body
+    palette = found.get(b"PLTE")
+    if header[9] == _PALETTE and (not palette or len(palette) % 3):
+        raise AssetError("is damaged: it has no valid palette; save it again")
+    return _Parts(header, palette, found.get(b"tRNS"), b"".join(packed))
+
+
+def _plain(parts: _Parts) -> bytes:
+    """Return the image with one chunk of pixels, and no chunk without pixels."""
+    depth, colour, clear = parts.header[8], parts.header[9], parts.clear
+    if clear is not None and len(clear) == 2 and colour == 0 and depth in (2, 4):
+        # the decoder scales the pixels to 8 bits, but not the value that is transparent
+        clear = struct.pack(">H", (clear[1] & ((1 << depth) - 1)) * 255 // ((1 << depth) - 1))
+    rows = (
+        (b"IHDR", parts.header),
+        (b"PLTE", parts.palette),
+        (b"tRNS", clear),
+        (b"IDAT", parts.packed),
+        (b"IEND", b""),
+    )
+    chunks = ((kind + body, len(body)) for kind, body in rows if body is not None)
+    return SIGNATURE + b"".join(struct.pack(">I", n) + text + struct.pack(">I", zlib.crc32(text)) for text, n in chunks)
+
+
+def _chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield kind and content of the chunks that `_parts` reads."""
+    at, kind, left = len(SIGNATURE), b"", 1000 + len(content) // _MIN_CHUNK
     while kind != b"IEND":
         if at + 12 > len(content):
             raise AssetError("is truncated: its last chunk is missing; save it again")
-        length, kind = struct.unpack(">I4s", content[at : at + 8])
+        left -= 1
+        if left < 0:
+            raise AssetError(f"has chunks of less than {_MIN_CHUNK} bytes on average; save it again")
+        length, kind = struct.unpack_from(">I4s", content, at)
         end = at + 12 + length
         if end > len(content):
             raise AssetError(f"is truncated: a chunk of {length} bytes exceeds the file; save it again")
         if kind == b"IHDR" and at != len(SIGNATURE):
             raise AssetError("is damaged: it has two headers; save it again")
-        if kind in _PIXEL_CHUNKS:
-            if zlib.crc32(content[at + 4 : end - 4]) != struct.unpack(">I", content[end - 4 : end])[0]:
+        if kind in _READ:
+            if zlib.crc32(content[at + 4 : end - 4]) != struct.unpack_from(">I", content, end - 4)[0]:
                 raise AssetError("is damaged: the checksum of a chunk is wrong; save it again")
-            yield content[at:end]
+            yield kind, content[at + 8 : end - 4]
         at = end
