@@ -37,7 +37,7 @@ MAX_STEPS = 100_000_000  # physics steps of all scenes
 MAX_METRES = 100_000.0
 MAX_SETTING = 1e6  # of a camera's parameters
 # Generous sizes of a dataset's files: of a pixel of a frame in all pictures, masks and truths of patches; of a frame's
-# row and of an actor in a frame in all text files; and of the recipe, the lockfile, the plans and the drawings.
+# row and of an actor or a patch in a frame in all text files; and of the recipe, the lockfile, plans and drawings.
 _PIXEL_BYTES, _FRAME_BYTES, _ACTOR_BYTES, _OTHER_BYTES = 64, 1 << 15, 1 << 14, 1 << 30
 
 
@@ -117,7 +117,7 @@ def byte_count(dataset: DatasetPlan) -> int:
     """Return an upper bound of the bytes of the plan's dataset, which is many times the usual size."""
     total = _OTHER_BYTES
     for variant in dataset.variants:
-        text = _FRAME_BYTES + _ACTOR_BYTES * len(variant.scene.actors)
+        text = _FRAME_BYTES + _ACTOR_BYTES * (len(variant.scene.actors) + len(variant.appearance.patches))
         for sensor in variant.rig.sensors:
             pixels = sensor.camera.width * sensor.camera.height
             total += len(sensor.frames(variant.scene.clock.frames)) * (text + _PIXEL_BYTES * pixels)
