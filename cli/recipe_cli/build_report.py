@@ -80,8 +80,8 @@ def _print_result(outcome: Outcome, compiled: Compiled) -> None:
 
 def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> tuple[str, str]:
     """Return what an interrupted build has kept, and how to continue."""
+    from recipe_runtime.build.output_folder import read_manifest
     from recipe_runtime.build.pipeline import kept_frames
-    from recipe_runtime.build.workspace import read_manifest
     from recipe_runtime.dataset.manifest import is_whole
 
     kept, manifest = kept_frames(plan, folder), read_manifest(folder)

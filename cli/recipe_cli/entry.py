@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 
@@ -10,6 +11,7 @@ import sys
 def main() -> None:
     """Import and run the command; exit code 130 if that is interrupted."""
     gc.set_threshold(200_000)  # as in child processes (core.subprocesses)
+    _open_standard_streams()
     try:
         from recipe_cli.main import main as run
 
@@ -23,3 +25,17 @@ def main() -> None:
         problem = Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)
         fail([problem], State(as_json="--json" in sys.argv[1:]))
         sys.exit(130)
+
+
+def _open_standard_streams() -> None:
+    """Open the null device in place of each standard stream that is closed.
+
+    Otherwise a file of the command would get its number, and what libraries print would be written into that file.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one
+            os.set_inheritable(number, True)
+            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", encoding="utf-8", closefd=False))

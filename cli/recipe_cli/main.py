@@ -94,7 +94,9 @@ def main() -> None:
     """Run the command; every error is printed with its place and remedy, and ends in an exit code."""
     import signal
 
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that temporary folders are removed, as after an error
+    for number in (signal.SIGTERM, signal.SIGHUP):  # so that temporary folders are removed, as after an error
+        if signal.getsignal(number) == signal.SIG_DFL:  # `nohup` ignores the second
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
     run = State(as_json="--json" in sys.argv[1:])
     try:
         code = recipe.main(prog_name="recipe", complete_var="_RECIPE_COMPLETE", standalone_mode=False, obj=run)
@@ -104,11 +106,24 @@ def main() -> None:
         if isinstance(stop, SystemExit):
             sys.exit(stop.code)
         problems, code = (_interrupted(), 130) if stop is not None else _explained(error)
-        fail(problems, run)
+        _print_errors(problems, run)
         sys.exit(code)
     except KeyboardInterrupt:
-        fail(_interrupted(), run)
+        _print_errors(_interrupted(), run)
         sys.exit(130)
+
+
+def _print_errors(problems: Sequence[Problem], run: State) -> None:
+    """Print errors; if nobody reads them, only the exit code is left."""
+    import os
+
+    try:
+        fail(problems, run)
+        sys.stdout.flush()
+    except OSError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        for number in (1, 2):  # Python writes what is left in its buffers when it ends
+            os.dup2(nowhere, number)
 
 
 def _stop_behind(error: BaseException) -> KeyboardInterrupt | SystemExit | None:

@@ -24,7 +24,7 @@ def run_here(*arguments: str | Path, cwd: Path, **environment: str) -> subproces
     command = ["recipe", *map(str, arguments)]
     written = [io.BytesIO(), io.BytesIO()]
     out, errors = (io.TextIOWrapper(body, encoding="utf-8", write_through=True) for body in written)
-    handler = signal.getsignal(signal.SIGTERM)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(cwd)
         patch.setattr(sys, "argv", command)
@@ -38,6 +38,7 @@ def run_here(*arguments: str | Path, cwd: Path, **environment: str) -> subproces
         except SystemExit as ended:
             code = ended.code
         finally:
-            signal.signal(signal.SIGTERM, handler)
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
     assert isinstance(code, int)
     return subprocess.CompletedProcess(command, code, *[body.getvalue().decode() for body in written])

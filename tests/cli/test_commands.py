@@ -350,7 +350,7 @@ def test_an_unwritable_output_is_an_error_of_one_line(folder: Path, out: str) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_stopped_command_leaves_no_files(tmp_path: Path, number: int, code: int) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 3000"))
     (tmp_path / "tmp").mkdir()
@@ -566,6 +566,24 @@ def test_a_pack_replaces_its_recipe(folder: Path, tmp_path: Path) -> None:
     shown = run_here("diff", "small.recipe", folder / "lockfiles" / "small.lock", cwd=tmp_path)
     assert (shown.returncode, shown.stdout) == (0, "nothing differs\n"), shown.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["again.recipe", "datasets", "small.recipe"]
+
+
+def test_lock_refuses_what_is_in_the_way_before_it_writes(folder: Path, tmp_path: Path) -> None:
+    """Regression: the lockfile was written before the traces were refused."""
+    root = _project(folder, tmp_path, "small.yaml")
+    (root / "lockfiles").mkdir()
+    traces, lockfile = root / "lockfiles" / "small.traces", root / "lockfiles" / "small.lock"
+    traces.write_text("mine")
+    assert run_here("lock", "small.yaml", cwd=root).returncode == 2
+    assert traces.read_text() == "mine" and not lockfile.exists()
+    traces.unlink()
+    traces.mkdir()
+    refused = run_here("lock", "small.yaml", "--with-traces", cwd=root)
+    assert (refused.returncode, "small.traces is a folder" in refused.stderr) == (2, True)
+    traces.rmdir()
+    lockfile.symlink_to("none")
+    refused = run_here("lock", "small.yaml", cwd=root)
+    assert (refused.returncode, "not written through links" in refused.stderr) == (2, True)
 
 
 def test_pack_refuses_a_lockfile_or_traces_that_differ(folder: Path, tmp_path: Path) -> None:

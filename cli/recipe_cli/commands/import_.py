@@ -155,8 +155,10 @@ def _write(folder: Path, files: dict[Path, bytes]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for path, body in files.items():
             write_output(path, body, replace=True)
-    except OSError as error:
+    except BaseException as error:
         for path in new:
             path.unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
         remedy = "free some space, or choose another --output"
         raise RunError(f"{folder}: cannot be written: {error.strerror or error}", help=remedy) from None

@@ -72,7 +72,7 @@ def command(
     _check_apart(recipes, places)
     options = Options(update or replace, replace, with_traces, device, count)
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
-        _check_before(recipe, one, path, options.update, replace)
+        _check_before(recipe, one, path, options)
     rows = []
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
         locked = _lock(recipe, one, path, options)
@@ -156,11 +156,11 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     if previous is not None and not previous.equals_but_for_text(made):
         raise _outdated(path, recipe)
     renamed = previous is not None and previous.source != source and not (path.parent / previous.source).exists()
-    with host_errors(str(path), "free some space or allow writing, then lock again"):
-        written = (previous is None or renamed) and made.write(path, replace=options.replace)
-    traces = trace_bundle.beside(path)
+    traces, written = trace_bundle.beside(path), False
     if options.with_traces or traces.exists():  # an existing file of traces must not become outdated
-        written |= trace_bundle.write(traces, motion, replace=options.replace)
+        written = trace_bundle.write(traces, motion, replace=options.replace)  # first: a full disk then keeps both old
+    with host_errors(str(path), "free some space or allow writing, then lock again"):
+        written |= (previous is None or renamed) and made.write(path, replace=options.replace)
     known.close()
     return Locked(recipe, path, made, previous, renamed, written, known.taken_frames, known.resumed_frames)
 
@@ -211,7 +211,7 @@ def _interrupted(recipe: Path, known: Known) -> Problem:
     return Problem(f"interrupted; {counted(kept, 'frame')} kept", help=f"lock {recipe} again to continue", code=code)
 
 
-def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, replace: bool) -> None:
+def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options) -> None:
     """Raise what is known before anything is rendered.
 
     Raises:
@@ -221,19 +221,24 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
     import os
 
     from recipe_compiler.ir.errors import Code, InputError, RunError
+    from recipe_runtime.verify import trace_bundle
 
     try:
         str(recipe).encode()
     except UnicodeEncodeError:
         raise InputError(f"{str(recipe)!r}: a lockfile names its recipe in UTF-8; rename the file") from None
-    if path.parent.is_symlink():
+    dangling = path.is_symlink() and not path.exists() and not options.replace
+    if dangling or path.parent.is_symlink():
         raise InputError(
-            f"{path.parent} is a symbolic link, and lockfiles are not written through links",
-            help="replace the link with a folder",
+            f"{path if dangling else path.parent} is a symbolic link, and lockfiles are not written through links",
+            help=f"replace the link with a {'file' if dangling else 'folder'}",
             code=Code.OUTPUT_IN_THE_WAY,
         )
-    if path.is_file() and not replace:
-        _check_is_of_recipe(recipe, compiled, path, update)
+    if path.is_file() and not options.replace:
+        _check_is_of_recipe(recipe, compiled, path, options.update)
+    traces = trace_bundle.beside(path)
+    if options.with_traces or traces.exists():
+        trace_bundle.check_replaceable(traces, replace=options.replace)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

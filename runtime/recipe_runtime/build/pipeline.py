@@ -12,6 +12,7 @@ continued.
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -23,15 +24,17 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.build import local, provenance
 from recipe_runtime.build.finalize import Finisher
+from recipe_runtime.build.output_folder import check_out, read_manifest
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.repair import Examined, examine
 from recipe_runtime.build.resume import Runner, render_unfinished
 from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
 from recipe_runtime.build.worker import Job
-from recipe_runtime.build.workspace import Workspace, check_out, read_manifest
+from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache import pruning
 from recipe_runtime.cache.journal_key import journal_key, read_key
 from recipe_runtime.cache.store import Store, default_cache
+from recipe_runtime.core import subprocesses
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
@@ -146,12 +149,10 @@ def _build(
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
     trusted = not damage or earlier(store, out) is not None
     with pruning.leased(store.root), _workspace(dataset, out, journal_key(store.root), replace_other) as work:
-        counts = stages.run_all(work, out, recipe_files)
+        counts, manifest = stages.run_all(work, out, recipe_files)
     if trusted:
         remember(store, out, dataset)
     pruning.auto_prune(pruned, cache_limit)
-    manifest = read_manifest(out)
-    assert manifest is not None
     provenance.record(out, manifest, source)
     return BuildResult(
         out,
@@ -212,8 +213,8 @@ class _Stages:
         """The plan."""
         return self.job.dataset
 
-    def run_all(self, work: Workspace, out: Path, recipe_files: RecipeFiles | None) -> _Counts:
-        """Run every stage in a workspace, and publish the dataset."""
+    def run_all(self, work: Workspace, out: Path, recipe_files: RecipeFiles | None) -> tuple[_Counts, Manifest]:
+        """Run every stage in a workspace, publish the dataset, and return its manifest."""
         job, store = replace(self.job, root=work.dataset), Store(self.job.cache)
         new = [scene for scene in simulations(self.dataset) if not store.has_trace(scene)]
         with self._early_pool(job, work, new) as run:
@@ -229,15 +230,19 @@ class _Stages:
         finisher = Finisher(self.dataset, assembly, work, self.progress, self.timings, recipe_files)
         if self.examined:
             self.examined.check(finisher.identity, work)
-        work.publish(finisher.finish(self._trace))
+        files = finisher.finish(self._trace)
+        manifest = read_manifest(work.dataset)  # afterwards, another program may move the dataset away
+        work.publish(files)
+        assert manifest is not None
         resumed_frames = sum(shard.pictures for shard in resumed)
-        return _Counts(
+        counts = _Counts(
             len(shards),
             len(resumed),
             resumed_frames,
             made_frames=sum(shard.pictures for shard in shards) - resumed_frames,
             taken_frames=sum(len(there.variants) * len(there.frames) for there in taken.values()),
         )
+        return counts, manifest
 
     @contextmanager
     def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:
@@ -267,13 +272,17 @@ class _Stages:
         if len(scenes) == 1:
             yield scenes[0], self._trace(scenes[0]).digest
             return
-        with ThreadPoolExecutor(max_workers=2) as threads:
+        numbers = list[int]()  # of the threads
+        with ThreadPoolExecutor(2, initializer=lambda: numbers.append(threading.get_ident())) as threads:
             tasks = {threads.submit(self._trace, scene): scene for scene in scenes}
             try:
                 for task in as_completed(tasks):
                     yield tasks[task], task.result().digest
             except BaseException:
                 threads.shutdown(wait=False, cancel_futures=True)
+                while not all(task.done() for task in tasks):  # a thread may be about to start its child
+                    subprocesses.kill_children(numbers)
+                    time.sleep(0.05)
                 raise
 
     def _trace(self, scene: ScenePlan) -> Trace:

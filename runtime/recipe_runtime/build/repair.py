@@ -13,7 +13,8 @@ from pathlib import Path
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import DatasetPlan
 
-from recipe_runtime.build.workspace import Workspace, read_manifest
+from recipe_runtime.build.output_folder import read_manifest
+from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest import DAMAGE, is_of, listed_files
 from recipe_runtime.dataset.reader import Dataset, damaged_files, lock_of, recipe_file_of

@@ -36,8 +36,8 @@ from recipe_runtime.dataset.text_files import instances_of, labels_of
 
 
 def remember(store: Store, out: Path, plan: DatasetPlan) -> None:
-    """Record in the cache that this program built the dataset of a plan in `out`; errors of the cache are ignored."""
-    with suppress(RunError):
+    """Record in the cache that this program built the dataset of a plan in `out`; errors are ignored."""
+    with suppress(RunError, OSError):
         store.put("built", _name(out), b"")
         store.put("built", _place(plan), os.fsencode(out))
 

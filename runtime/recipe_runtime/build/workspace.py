@@ -7,7 +7,8 @@
         old/          the dataset that is being replaced, between two renames
 
 The next build of the same plan resumes an interrupted one if the seals were made with the key in this user's cache.
-Otherwise, as with a folder that came with a downloaded recipe, the workspace is cleared. Only one build at a time uses
+Otherwise, as with a folder that came with a downloaded recipe, the workspace is cleared. A folder with other files is
+not a workspace, and `old/` is removed only if it is a dataset and contains nothing else. Only one build at a time uses
 a workspace; the lock is released when its process ends.
 """
 
@@ -18,8 +19,9 @@ import hashlib
 import hmac
 import json
 import os
-import shutil
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -29,7 +31,7 @@ from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.annotate.records import FileRow, FrameRecord
 from recipe_runtime.build.journal import FolderJournal
-from recipe_runtime.core import layout
+from recipe_runtime.build.output_folder import check_files, read_manifest, remove_dataset
 from recipe_runtime.core.files import (
     atomic_file,
     file_sha256,
@@ -43,12 +45,12 @@ from recipe_runtime.core.files import (
     stamp_of,
     write_atomic,
 )
-from recipe_runtime.dataset import manifest_reader
-from recipe_runtime.dataset.manifest import DAMAGE, listed_files
-from recipe_runtime.dataset.manifest_types import Manifest, ManifestHead
+from recipe_runtime.dataset.manifest import DAMAGE
+from recipe_runtime.dataset.manifest_types import ManifestHead
 from recipe_runtime.dataset.schedule import Shard, View
 
 _JOB = "job.json"
+_JOB_TEMPORARY = re.compile(r"\.job\.json\.\d+\.\d+\.tmp")  # left by a build that was killed as it began
 _MAX_JOB = 1 << 24  # bytes of `job.json`
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
@@ -83,6 +85,7 @@ class Workspace:
         with host_errors(str(self._partial), _REMEDY):
             self._take()
             try:
+                self._check_is_workspace()
                 self._recover()
                 if not self._is_mine():
                     self._clear()
@@ -164,7 +167,7 @@ class Workspace:
 
     @classmethod
     def settle(cls, out: Path) -> None:
-        """Complete or undo the renames of a build that was killed within `publish`."""
+        """Complete or undo the renames of a build that was killed within `publish`, unless other files are there."""
         work = cls(out, None)
         if not is_folder(work._partial):
             return
@@ -174,9 +177,11 @@ class Workspace:
         with host_errors(str(work._partial), _REMEDY):
             work._take()
             try:
-                work._recover()
-                if out.exists() and not work.dataset.exists() and (work._partial / "job.json").is_file():
-                    work._remove()
+                with suppress(InputError):  # a build that has to work there reports it
+                    work._check_is_workspace()
+                    work._recover()
+                    if out.exists() and not work.dataset.exists():
+                        work._remove()
             finally:
                 os.close(work._lock)
 
@@ -187,7 +192,8 @@ class Workspace:
             files: the rows of all files of the dataset, by path.
 
         Raises:
-            InputError: meanwhile the existing dataset has received a file that is not its own; nothing is published.
+            InputError: meanwhile the existing dataset has received a file that is not its own; it stays, and nothing
+                is published.
             RunError: another program changed or removed a file since it was written; nothing is published.
         """
         with host_errors(str(self.out), _REMEDY):
@@ -198,11 +204,22 @@ class Workspace:
                     " published. Find out what writes there, then build again: the file is made again, the rest is kept"
                 )
             self._sweep(files)
-            if self.out.exists():
-                check_out(self.out)  # again: files may have been added during the build
-                self.out.rename(self._partial / "old")
-            self.dataset.rename(self.out)
+            self._put_in_place()
             self._remove()
+
+    def _put_in_place(self) -> None:
+        """Rename the dataset to its place; the one there is moved aside first, and back after an error."""
+        old = self._partial / "old"
+        if os.path.lexists(self.out):
+            self.out.rename(old)
+        try:
+            if os.path.lexists(old):
+                check_files(old, self.out)  # not before it is moved: other programs may add files until then
+            self.dataset.rename(self.out)
+        except BaseException:
+            if os.path.lexists(old) and not os.path.lexists(self.out):
+                old.rename(self.out)
+            raise
 
     def abandon(self) -> None:
         """Remove the workspace, which contains nothing worth resuming."""
@@ -211,10 +228,13 @@ class Workspace:
 
     def _remove(self) -> None:
         """Remove the folder; `job.json` is removed last, so that an interrupted removal can be resumed."""
-        for child in sorted(self._partial.iterdir()):
-            if child.name != _JOB:
+        for child in sorted(self._partial.iterdir(), key=lambda path: (path.name == _JOB, path.name)):
+            if child.name == "old" and is_folder(child):
+                remove_dataset(child)
+            elif _is_own(child):
                 remove_tree(child)
-        shutil.rmtree(self._partial)
+        with suppress(OSError):  # another program has put a file there
+            self._partial.rmdir()
 
     def _as_written(self, path: str, row: FileRow) -> bool:
         """Whether a file has the bytes that the build wrote.
@@ -289,13 +309,26 @@ class Workspace:
             return False
         return (here.st_dev, here.st_ino) == (held.st_dev, held.st_ino)
 
+    def _check_is_workspace(self) -> None:
+        """Raise InputError if the folder contains anything that a build does not write there."""
+        found = [child for child in sorted(self._partial.iterdir()) if not _JOB_TEMPORARY.fullmatch(child.name)]
+        foreign = [child.name for child in found if not _is_own(child)]
+        if foreign or (found and not (self._partial / _JOB).is_file()):
+            what = f"holds {foreign[0]}, which is not a build's work" if foreign else "is not a build's work"
+            raise InputError(f"{self._partial} is in the way and {what}; move it away", code=Code.OUTPUT_IN_THE_WAY)
+        old = self._partial / "old"
+        if is_folder(old) and (os.path.lexists(self.out) or read_manifest(old) is None):
+            check_files(old, old)
+
     def _recover(self) -> None:
         """Restore the old dataset if a build was killed between the two renames of `publish`."""
         old = self._partial / "old"
-        if is_folder(old) and not self.out.exists():
+        if is_folder(old) and not os.path.lexists(self.out):
             old.rename(self.out)
-        elif is_folder(old) or old.is_symlink():
-            remove_tree(old)
+        elif is_folder(old):
+            remove_dataset(old)
+        elif old.is_symlink():
+            old.unlink()
 
     def _is_mine(self) -> bool:
         body = self._job.encode()
@@ -316,12 +349,8 @@ class Workspace:
         """Clear the workspace for a new build.
 
         Raises:
-            InputError: the folder is not a workspace, or holds another recipe's work and `replace` is not set.
+            InputError: the folder holds another recipe's work and `replace` is not set.
         """
-        if any(self._partial.iterdir()) and not (self._partial / _JOB).is_file():
-            raise InputError(
-                f"{self._partial} is in the way and is not a build's work; move it away", code=Code.OUTPUT_IN_THE_WAY
-            )
         other = self._other_recipe()
         if other is not None and not self._replace:
             raise InputError(
@@ -336,57 +365,8 @@ class Workspace:
         write_atomic(self._partial / _JOB, self._job.encode())
 
 
-def check_out(out: Path) -> None:
-    """Check that a dataset can be put in place of `out`.
-
-    Raises:
-        InputError: `out` exists and is not a dataset of this program, or contains other files as well; or a parent of
-            it is a file.
-    """
-    if out.is_symlink() or (out.exists() and not out.is_dir()):
-        raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
-    above = next(folder for folder in out.absolute().parents if os.path.lexists(folder))
-    if not above.is_dir():
-        what = "a symbolic link that leads to no folder" if above.is_symlink() else "a file"
-        raise InputError(f"{out}: {above} is {what}", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
-    if out.is_mount():  # publishing is a rename, which cannot replace a mount point
-        remedy = f"choose a folder in it, such as {out / 'dataset'}"
-        raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
-    manifest_reader.check_outside_datasets(out)
-    if not out.is_dir() or not any(out.iterdir()):
-        return
-    manifest = read_manifest(out)
-    if manifest is None:
-        raise _no_manifest(out)
-    try:
-        known = {layout.MANIFEST, *listed_files(manifest)}
-    except ValueError:
-        known = {layout.MANIFEST}  # damaged: no other file here is then known to belong to the dataset
-    found = (p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if p.is_symlink() or not p.is_dir())
-    foreign = [path for path in found if path not in known]
-    if foreign:
-        raise InputError(
-            f"{out} holds a file that is not the dataset's, {foreign[0]}; move it away before it is replaced"
-        )
-
-
-def _no_manifest(out: Path) -> InputError:
-    """Return the error for a folder with files in which no manifest of a dataset can be read."""
-    message, remedy = (
-        f"{out} holds files but no {layout.MANIFEST} of a dataset",
-        "move it away, or choose another folder",
-    )
-    if (out / layout.MANIFEST).exists():
-        message = f"{out}: its {layout.MANIFEST} is damaged, or another program's"
-        if not os.access(out / layout.MANIFEST, os.R_OK):
-            message = f"{out}: its {layout.MANIFEST} cannot be read: permission denied"
-            remedy = "allow this user to read it"
-    return InputError(message, help=remedy, code=Code.OUTPUT_IN_THE_WAY)
-
-
-def read_manifest(out: Path) -> Manifest | None:
-    """Return the manifest in a folder; None if there is none, it is damaged, or another program wrote it."""
-    try:
-        return manifest_reader.read(out)
-    except (OSError, ValueError):
-        return None
+def _is_own(child: Path) -> bool:
+    """Return whether an entry of a workspace has the name and type of one that a build makes, or is a link."""
+    if child.name in ("dataset", "shards", "old"):
+        return child.is_symlink() or child.is_dir()
+    return child.name == _JOB or _JOB_TEMPORARY.fullmatch(child.name) is not None

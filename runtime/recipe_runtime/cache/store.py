@@ -20,7 +20,7 @@ from typing import BinaryIO
 
 import platformdirs
 from recipe_compiler.ir.canonical import digest
-from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.core.files import atomic_file, host_errors, make_folder, open_inside
@@ -34,8 +34,28 @@ _LONGEST_HEADER = 400
 
 
 def default_cache() -> Path:
-    """The folder that RECIPE_CACHE names, else the user's cache folder."""
-    return Path(os.environ.get("RECIPE_CACHE") or platformdirs.user_cache_dir("dataset-recipe"))
+    """The folder that RECIPE_CACHE names, else the user's cache folder.
+
+    Raises:
+        InputError: neither exists.
+    """
+    named = os.environ.get("RECIPE_CACHE")
+    return Path(named) if named else user_cache()
+
+
+def user_cache() -> Path:
+    """Return the user's cache folder.
+
+    Raises:
+        InputError: the user has no home folder.
+    """
+    try:
+        folder = Path(platformdirs.user_cache_dir("dataset-recipe"))
+    except RuntimeError:
+        folder = Path("~")
+    if folder.parts[0] == "~":  # as some versions of platformdirs leave it
+        raise InputError("this user has no home folder for the cache", help="set RECIPE_CACHE to a folder for it")
+    return folder
 
 
 def kernel_cache() -> Path:

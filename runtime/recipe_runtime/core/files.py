@@ -17,6 +17,7 @@ from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.errors import RunError
 
 _NO_HARD_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
+_MAX_START = 200  # bytes of a file's name in that of its temporary file, which may have 255
 _ATTEMPTS = 3  # to make a folder, which another process may remove in between
 
 
@@ -192,9 +193,9 @@ def link_or_copy(source: Path, target: Path) -> None:
 
 def _fresh(path: Path) -> tuple[Path, int]:
     """Create a uniquely named temporary file next to a path, safe against writers on other hosts."""
-    made = 0
+    made, start = 0, os.fsencode(path.name)[:_MAX_START].decode(errors="ignore")
     for number in itertools.count():
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.{number}.tmp")
+        temporary = path.with_name(f".{start}.{os.getpid()}.{number}.tmp")
         try:
             return temporary, os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         except FileExistsError:

@@ -11,7 +11,11 @@ render several scenes: the cycles of one scene hold 30 MB.
 from __future__ import annotations
 
 import gc
+import subprocess
 import sys
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 GC_THRESHOLD = 200_000  # new objects
 USUAL_THRESHOLDS = 700, 10, 10
@@ -20,6 +24,29 @@ _BOOT = (
     f"import gc; gc.set_threshold({GC_THRESHOLD}); "
     "from {module} import {name}; {name}()"
 )
+_children: dict[int, subprocess.Popen[bytes]] = {}  # by the number of the thread that waits for it
+
+
+@contextmanager
+def registered(child: subprocess.Popen[bytes]) -> Iterator[None]:
+    """Make the child that this thread waits for known to `kill_children`, inside the block."""
+    _children[threading.get_ident()] = child
+    try:
+        yield
+    finally:
+        del _children[threading.get_ident()]
+
+
+def kill_children(threads: Iterable[int]) -> None:
+    """Kill the registered children of threads, which then stop waiting.
+
+    Args:
+        threads: their numbers (`threading.get_ident`).
+    """
+    for thread in threads:
+        child = _children.get(thread)
+        if child is not None:
+            child.kill()
 
 
 def collect_as_usual() -> None:

@@ -67,7 +67,8 @@ def simulate(
         timer = threading.Timer(timeout, child.kill)
         timer.start()
         try:
-            trace = _converse(child, scene, progress)
+            with subprocesses.registered(child):
+                trace = _converse(child, scene, progress)
         finally:
             hung = not timer.is_alive()
             timer.cancel()

@@ -57,7 +57,7 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
     if work.is_symlink() or (work.exists() and not _is_work_folder(work, is_leftover)):
         raise InputError(f"{work} exists and is not the work folder of an export; move it away")
     work.mkdir(parents=True, exist_ok=True)
-    with _locked(work, out):
+    with _locked(work, out) as handle:
         (work / MARKER).touch()
         try:
             for path in sorted(work.iterdir()):
@@ -65,7 +65,8 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
                     remove(path)
             yield work
         finally:
-            shutil.rmtree(work, ignore_errors=True)
+            if _is_at(handle, work):  # else it was published, and a folder there is the next export's
+                shutil.rmtree(work, ignore_errors=True)
 
 
 def publish(work: Path, out: Path, is_replaceable: Callable[[Path], bool] | None) -> None:
@@ -180,14 +181,25 @@ def _settle(aside: Path, out: Path) -> None:
 
 
 @contextmanager
-def _locked(folder: Path, out: Path) -> Iterator[None]:
-    """Hold the lock of a folder next to `out`; RunError if another export holds it."""
+def _locked(folder: Path, out: Path) -> Iterator[int]:
+    """Hold the lock of a folder next to `out`, and yield its descriptor; RunError if another export holds it."""
     handle = open_folder(folder)
     try:
+        busy = RunError(f"another export is writing {out}; wait for it, or choose another folder")
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise RunError(f"another export is writing {out}; wait for it, or choose another folder") from None
-        yield
+            raise busy from None
+        if not _is_at(handle, folder):  # it was published or removed before it was locked
+            raise busy
+        yield handle
     finally:
         os.close(handle)
+
+
+def _is_at(handle: int, folder: Path) -> bool:
+    """Return whether an open folder is still at a path."""
+    try:
+        return os.path.samestat(os.fstat(handle), folder.lstat())
+    except FileNotFoundError:
+        return False

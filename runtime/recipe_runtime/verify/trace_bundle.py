@@ -67,17 +67,29 @@ def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> 
     body = dumps(traces)
     if path.is_file() and path.stat().st_size == len(body) and path.read_bytes() == body:
         return False
-    if path.is_file() and not replace:
-        with path.open("rb") as file:
-            if file.read(len(_HEAD)) != _HEAD:
-                raise InputError(
-                    f"{path} exists already and is not a file of traces",
-                    help="move it away, or replace it",
-                    code=Code.OUTPUT_IN_THE_WAY,
-                )
+    check_replaceable(path, replace=replace)
     with host_errors(str(path), "free some space or allow writing"):
         write_atomic(path, body)
     return True
+
+
+def check_replaceable(path: Path, *, replace: bool = False) -> None:
+    """Check that a file of traces can be written.
+
+    Raises:
+        InputError: the path is a folder, or exists, is not a file of traces, and `replace` is not set.
+    """
+    if path.is_dir():
+        raise InputError(f"{path} is a folder", help="move it away", code=Code.OUTPUT_IN_THE_WAY)
+    if replace or not path.is_file():
+        return
+    with path.open("rb") as file:
+        if file.read(len(_HEAD)) != _HEAD:
+            raise InputError(
+                f"{path} exists already and is not a file of traces",
+                help="move it away, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
 
 
 def read(path: Path, locked: Mapping[str, str], limits: Mapping[str, int]) -> dict[str, Trace]:

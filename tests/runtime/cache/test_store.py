@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.ir import lockfile
-from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.build.pipeline import build
@@ -251,6 +251,27 @@ def test_an_environment_variable_sets_the_cache(tmp_path: Path, monkeypatch: pyt
     assert default_cache() == tmp_path / "elsewhere"
     monkeypatch.delenv("RECIPE_CACHE")
     assert default_cache().name == "dataset-recipe"
+
+
+@pytest.mark.parametrize("found", [None, "~/.cache/dataset-recipe"])
+def test_a_user_without_a_home_folder_is_an_error(monkeypatch: pytest.MonkeyPatch, found: str | None) -> None:
+    """Versions of platformdirs differ: one raises an error, others return `~`, which is then made where the user is."""
+
+    def user_cache_dir(name: str) -> str:
+        if found is None:
+            raise RuntimeError("could not determine the home directory")
+        return found
+
+    monkeypatch.delenv("RECIPE_CACHE", raising=False)
+    monkeypatch.setattr("platformdirs.user_cache_dir", user_cache_dir)
+    with pytest.raises(InputError, match="no home folder for the cache; set RECIPE_CACHE"):
+        default_cache()
+
+
+@pytest.mark.parametrize("name", ["n" * 255, "\N{SNOWMAN}" * 85])
+def test_the_longest_name_of_a_file_can_be_written(tmp_path: Path, name: str) -> None:
+    write_atomic(tmp_path / name, b"body")
+    assert (tmp_path / name).read_bytes() == b"body"
 
 
 def test_files_are_hard_linked_or_copied_where_links_are_impossible(

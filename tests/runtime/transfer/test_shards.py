@@ -24,7 +24,7 @@ from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import Dataset, read
-from recipe_runtime.transfer import shards
+from recipe_runtime.transfer import export_folder, shards
 from recipe_runtime.transfer.export_folder import MARKER
 from recipe_runtime.transfer.layouts import export_layout
 
@@ -225,6 +225,17 @@ def test_files_added_during_an_export_are_not_removed(built: Dataset, tmp_path: 
         shards.webdataset(built, out, add_notes, replace=True)
     assert (out / "notes.txt").read_text() == "mine" and (out / shards.INDEX).exists()
     assert not list(tmp_path.glob(".out*"))
+
+
+def test_the_work_folder_of_the_next_export_is_not_removed(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with export_folder.work_folder(out, lambda _: True) as work:
+        (work / "shard").write_text("first")
+        export_folder.publish(work, out, None)
+        work.mkdir()
+        (work / "shard").write_text("second")
+    assert (out / "shard").read_text() == "first"
+    assert (work / "shard").read_text() == "second"
 
 
 def test_a_foreign_folder_in_place_of_a_replaced_export_is_refused(built: Dataset, tmp_path: Path) -> None:

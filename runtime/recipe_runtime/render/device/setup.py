@@ -17,12 +17,11 @@ from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 
-import platformdirs
 import warp
 from recipe_compiler.ir.errors import InputError, RunError
 
 from recipe_runtime.cache.cache_folder import create_cache_folder
-from recipe_runtime.cache.store import kernel_cache
+from recipe_runtime.cache.store import kernel_cache, user_cache
 
 wp = warp
 BLOCK_SIZE = 128  # threads per block on a GPU; in larger blocks too many wait for the slowest
@@ -39,11 +38,10 @@ def _cache_folder() -> str:
         InputError: The folder named by a variable contains files that are not of a cache.
     """
     name = f"{version('dataset-recipe')}-{platform.machine()}"
-    own = Path(platformdirs.user_cache_dir("dataset-recipe"))
-    homes: tuple[Callable[[], Path], ...] = (kernel_cache, lambda: own, _aside, _fresh)
+    homes: tuple[Callable[[], Path], ...] = (kernel_cache, user_cache, _aside, _fresh)
     for home in homes:
-        folder = home() / "kernels" / name
         try:
+            folder = home() / "kernels" / name
             folder.parent.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
             create_cache_folder(folder.parent.parent)
             for path in (folder.parent, folder):
