@@ -30,6 +30,7 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.annotate.records import FileRow
 from recipe_runtime.core import layout
 from recipe_runtime.core.versions import STAGES, tool_versions
+from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.manifest_types import (
     FileRecord,
@@ -151,15 +152,16 @@ def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None =
         KeyError, TypeError, AttributeError, ValueError: the manifest is damaged.
     """
     variants, traces, frames = {}, dict[str, str](), dict[FrameKey, str]()
-    shared: dict[str, tuple[str, object]] = {}  # by the key of labels: a variant, and its rows without colour
+    shared: dict[str, tuple[str, object]] = {}  # by the key of labels or of colours: a variant, and its rows of them
     for name in manifest["order"]:
         row = manifest["variants"][name]
         variants[name] = VariantRow(row["scene"], row["rig"], row["appearance"])
         labels = {s: {m: v for m, v in by.items() if m != "rgb"} for s, by in row["frames"].items()}
-        own = row["trace"], labels, row.get("intervals", {})
-        other, known = shared.setdefault(variants[name].observation_key, (name, own))
-        if known != own or traces.setdefault(row["scene"], row["trace"]) != row["trace"]:
-            raise ValueError(f"the digests of {name!r} differ from those of {other!r}, which has the same scene")
+        colours = {s: by.get("rgb") for s, by in row["frames"].items()}
+        for modality, own in (("labels", (row["trace"], labels, row.get("intervals", {}))), ("rgb", colours)):
+            other, known = shared.setdefault(variants[name].frame_key(modality), (name, own))
+            if known != own or traces.setdefault(row["scene"], row["trace"]) != row["trace"]:
+                raise ValueError(f"the digests of {name!r} differ from those of {other!r}, which has the same scene")
         for sensor, modalities in row["frames"].items():
             interval = row.get("intervals", {}).get(sensor, 1)
             for modality, values in modalities.items():
@@ -188,14 +190,17 @@ def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
     """
     try:
         rows = listed_files(manifest)
-        whole = bool(rows) and all(_is_file_of(f"{root}/{path}", size) for path, (size, _) in rows.items())
+        whole = layout.expected_files(dataset) <= {*rows, layout.MANIFEST}
+        whole = whole and all(_is_file_of(f"{root}/{path}", size) for path, (size, _) in rows.items())
         return whole and is_of(manifest, dataset)
     except (OSError, *DAMAGE):
         return False
 
 
 def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
-    """Return whether a manifest has the digests of this plan and these tools, and its identity matches its digests."""
+    """Return whether a manifest has the digests of this plan and these tools, a digest of each of its frames, and the
+    identity of these digests.
+    """
     if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
         return False
     try:
@@ -203,7 +208,10 @@ def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
         rows = manifest["variants"]
         same = manifest["order"] == list(planned) and rows.keys() == planned.keys()
         same = same and all(planned[name].items() <= rows[name].items() for name in planned)
-        return same and lock_of(manifest).sealed
+        if not same:
+            return False
+        lock = lock_of(manifest)
+        return lock.sealed and lock.frames.keys() == set(digests.frame_keys(dataset))
     except DAMAGE:
         return False
 

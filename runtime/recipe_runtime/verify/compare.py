@@ -149,7 +149,10 @@ def compare_locks(
 ) -> list[Difference]:
     """Compare a finished build with a lockfile, stage by stage."""
     found = compare_rows(plan, lock) + compare_files(plan, lock, made.files) + compare_plans(plan, lock, excuse_for)
-    return sorted(found + _digests(lock, made, excuse_for), key=lambda difference: ORDER.index(difference.stage))
+    found += _digests(lock, made, excuse_for)
+    if not found and (lock.traces.keys(), lock.frames.keys()) != (made.traces.keys(), made.frames.keys()):
+        found.append(Difference("lockfile", "the dataset has digests of other frames or scenes"))
+    return sorted(found, key=lambda difference: ORDER.index(difference.stage))
 
 
 def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
@@ -159,7 +162,9 @@ def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: st
         found.append(Difference("lockfile", "it was damaged or edited: its digests do not add up to its identity"))
     if held.recipe != plan.recipe:
         found.append(Difference("lockfile", f"it is of the recipe {held.recipe!r}, and this is {plan.recipe!r}"))
-    found += [Difference("lockfile", message) for message in tool_faults(held)]
+    missing, surplus = sorted(STAGES.keys() - held.stages.keys()), sorted(held.stages.keys() - STAGES.keys())
+    messages = [*tool_faults(held), *_uneven("stage", missing, surplus)]
+    found += [Difference("lockfile", message) for message in messages]
     return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
 
 

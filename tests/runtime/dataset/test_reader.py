@@ -27,7 +27,7 @@ from recipe_runtime.core.layout import expected_files
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
-from recipe_runtime.dataset.manifest import is_whole
+from recipe_runtime.dataset.manifest import is_whole, lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.text_files import instances_of, labels_of
 
@@ -377,6 +377,15 @@ def test_a_manifest_that_is_inconsistent_or_of_other_tools_is_not_intact(copy: P
     older["tools"]["zlib-ng"] = "0.1"
     assert not is_whole(edited, PLAN, copy)
     assert not is_whole(older, PLAN, copy)
+    no_digests, no_files = manifest_of(copy), manifest_of(copy)
+    for modality in no_digests["variants"]["weather=w0,jitter=still"]["frames"]["street"].values():
+        modality.clear()
+    for variant in no_digests["variants"].values():
+        variant["frames"] = no_digests["variants"]["weather=w0,jitter=still"]["frames"]
+    no_digests["identity"] = lock_of(no_digests).identity
+    del no_files["files"][f"{STREET}/rgb/000001.png"]
+    assert not is_whole(no_digests, PLAN, copy)
+    assert not is_whole(no_files, PLAN, copy)
     picture = copy / STREET / "rgb" / "000000.png"
     target = copy / STREET / "rgb" / "000001.png"
     picture.unlink()

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from recipe_compiler.ir.canonical import pretty
-from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.build.pipeline import build
@@ -272,3 +272,25 @@ def test_other_versions_with_equal_frames_are_noted(locked: Lockfile) -> None:
         f"the recorded versions of stages differ from those of this release: observe {observe + 1} (here {observe})",
         f"the recorded versions of tools differ from those here: numpy 1.0 (here {numpy})",
     ]
+
+
+@pytest.mark.parametrize("forge", [lambda rows: rows.update(rgb=["0" * 64] * 4), lambda rows: rows.pop("rgb")])
+def test_forged_colours_of_a_variant_with_an_equal_plan_are_refused(tmp_path: Path, forge: Any) -> None:
+    """Variants with equal plans have equal colours, and one set of rows in a lockfile: the last one's."""
+    first = fakes.dataset_plan(frames=4, weathers=1).variants[0]
+    twins = tuple(first.model_copy(update={"variant": name}) for name in ("a", "b"))
+    plan = fakes.dataset_plan(frames=4, weathers=1, variants=twins)
+    build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=fakes.ENGINES)
+    assert check_folder(tmp_path / "tiny").verdict == "PASS"
+    manifest = json.loads((tmp_path / "tiny/manifest.json").read_text())
+    forge(manifest["variants"]["a"]["frames"]["street"])
+    (tmp_path / "tiny/manifest.json").write_text(pretty(manifest))
+    with pytest.raises(InputError, match="the digests of 'b' differ from those of 'a'"):
+        datasets.read(tmp_path / "tiny")
+
+
+@pytest.mark.parametrize("stages", [{}, {**STAGES, "paint": 1}])
+def test_a_dataset_has_the_stages_of_its_lockfile(locked: Lockfile, copy: Path, stages: dict[str, int]) -> None:
+    edit_manifest(copy, lambda manifest: manifest.update(stages=stages))
+    report = check(locked, dataset=datasets.read(copy))
+    assert (report.verdict, report.stage) == ("FAIL", "lockfile")

@@ -140,6 +140,8 @@ def test_a_build_is_compared_with_its_lockfile_stage_by_stage(locked: Lockfile) 
     made = replace(locked, frames={**locked.frames, one: "0" * 64}, traces=dict.fromkeys(locked.traces, "0" * 64))
     assert [d.stage for d in compare_locks(PLAN, locked, made)] == ["trace", "observation"]
     assert [d.stage for d in compare_locks(PLAN, replace(locked, sealed=False), locked)] == ["lockfile"]
+    fewer = {key: value for key, value in locked.frames.items() if key != one}
+    assert [d.stage for d in compare_locks(PLAN, locked, replace(locked, frames=fewer))] == ["lockfile"]
 
 
 def test_an_edited_recipe_is_reported(locked: Lockfile) -> None:
