@@ -50,13 +50,17 @@ def built(store: Store, plan: DatasetPlan) -> Dataset | None:
 
 
 def earlier(store: Store, out: Path) -> Dataset | None:
-    """Return the dataset in a folder, if this program built it."""
+    """Return the dataset in a folder, if this program built it and its plans are those of its manifest.
+
+    The manifest is known by its digest. Its plan digest covers the plans, which decide whose frames the pictures are.
+    """
     if regular_file(out, layout.MANIFEST) is None or store.get("built", _name(out)) is None:
         return None
     try:
-        return datasets.read(out)
+        before = datasets.read(out)
     except InputError:
         return None
+    return before if before.plan.digest == before.lock.plan else None
 
 
 def _name(out: Path) -> str:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import CameraPlan, ScenePlan
@@ -32,7 +33,7 @@ from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options
 
-from tests.runtime.fakes import BROKEN, ENGINES, Renderer, Seen, dataset_plan, simulate, tree
+from tests.runtime.fakes import BROKEN, ENGINES, Renderer, Seen, appearance_plan, dataset_plan, simulate, tree
 
 PLAN = dataset_plan(frames=8)
 FRAMES = 4 * 2 * 8  # variants, sensors, frames of each
@@ -131,6 +132,22 @@ def stopped_lock(cache: Path) -> Path:
         relock(cache, BROKEN)
     (record,) = cache.glob("shards/??/*")
     return record
+
+
+def test_a_dataset_whose_plans_were_exchanged_is_not_reused(tmp_path: Path) -> None:
+    """The plans decide whose frames the pictures are; with the plan of a new weather, those of the old one were it."""
+    first = dataset_plan(frames=3, weathers=1).variants[0]
+    old, new = (
+        dataset_plan(variants=(first.model_copy(update={"variant": "v", "appearance": appearance_plan(clouds)}),))
+        for clouds in (0.0, 50.0)
+    )
+    build(old, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    plan = tmp_path / "tiny/plans/v.json"
+    plan.unlink()
+    plan.write_text(pretty(new.variants[0].document()))
+    made = build(new, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    assert made.taken_frames == 0
+    assert made.identity == lock(new, "tiny.yaml", {}, workers=0, progress=quiet, engines=ENGINES).identity
 
 
 def test_a_failed_lock_is_resumed_and_removes_its_journal(fresh: Lockfile, tmp_path: Path) -> None:
