@@ -471,6 +471,8 @@ def test_a_locked_build_refuses_a_changed_recipe(folder: Path, tmp_path: Path) -
     assert frozen.returncode == 0, frozen.stderr
     assert "2 of 3 variants; 4 frames" in frozen.stdout
     assert not (root / "datasets" / "small" / "weather=misty").exists()
+    verified = run_here("verify", "datasets/small", "--integrity", cwd=root)  # it holds no recipe of more variants
+    assert verified.returncode == 0, verified.stdout
     (root / "small.yaml").write_text(RECIPE.replace("wet: {weather: HardRainNight}", "wet: {weather: WetNight}"))
     for option in ("--locked", "--frozen"):
         refused = run_here("build", "small.yaml", option, cwd=root)

@@ -68,7 +68,7 @@ class Inputs:
     compiled: Compiled
     folder: Path
     lock: tuple[Path, Lockfile] | None
-    files: RecipeFiles
+    files: RecipeFiles | None  # None: the recipe has more variants than the dataset
     target: Target | None
 
 
@@ -176,9 +176,11 @@ def _inputs(request: Request) -> Inputs:
     _note_text(compiled, lock)
     from recipe_runtime.build.recipe_files import RecipeFiles
 
-    files = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
+    files: RecipeFiles | None = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
     if request.locked or request.only_locked:
         plan = _locked_plan(recipe, compiled, lock, request.only_locked)
+        if plan.digest != compiled.plan.digest:
+            files = None  # a dataset contains no recipe of which it is a part
         locked_files = compiled.files if request.locked or lock is None else lock[1].files
         compiled = dataclasses.replace(compiled, plan=plan, files=locked_files)
     elif lock is not None:
