@@ -300,10 +300,14 @@ def loads(text: str, name: str) -> Lockfile:
 
 
 def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_ROWS) -> Lockfile:
-    """Parse lines. They are not stored; the lockfile's own text is compared with them by digest."""
-    parser, seen = RowParser(name, max_rows), hashlib.sha256()
+    """Parse lines. They are not stored; the lockfile's own text is compared with them by digest.
+
+    Lines may all end with CR LF, as git writes them on Windows.
+    """
+    parser, seen, ends = RowParser(name, max_rows), hashlib.sha256(), set[bool]()
     for number, line in enumerate(lines, start=1):
-        seen.update(line)
+        ends.add(line.endswith(b"\r\n"))
+        seen.update(line[:-2] + b"\n" if line.endswith(b"\r\n") else line)
         if len(line) >= MAX_LINE:
             raise invalid_line(name, number, f"the line is longer than {MAX_LINE:,} bytes", RESTORE)
         try:
@@ -313,4 +317,5 @@ def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_
     lock, again = Lockfile(**vars(parser.rows())), hashlib.sha256()
     for text in lock._lines():
         again.update(text.encode())
-    return replace(lock, sealed=again.digest() == seen.digest())  # the text is canonical: order, duplicates, seal
+    # the text is canonical: order, duplicates, seal
+    return replace(lock, sealed=len(ends) == 1 and again.digest() == seen.digest())

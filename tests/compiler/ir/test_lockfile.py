@@ -53,6 +53,15 @@ def test_a_flipped_digit_breaks_the_seal() -> None:
     assert lockfile.loads(text, "x.lock").sealed
 
 
+def test_line_ends_of_windows_do_not_break_the_seal() -> None:
+    """Git writes CR LF where core.autocrlf is set. Some lines with it are an edit."""
+    text = LOCK.dumps()
+    read = lockfile.loads(text.replace("\n", "\r\n"), "x.lock")
+    assert read.sealed and read == LOCK
+    for edited in (text.replace("\n", "\r\n", 1), text.replace("\n", "\r\r\n"), text.replace("\n", "\r\n")[:-2]):
+        assert not lockfile.loads(edited, "x.lock").sealed
+
+
 def test_labels_are_keyed_by_scene_and_rig_and_colours_by_all_three() -> None:
     wet, dry = LOCK.variants.values()
     assert wet.frame_key("depth") == dry.frame_key("depth") != wet.frame_key("rgb") != dry.frame_key("rgb")
