@@ -293,7 +293,7 @@ def _file_damage(
         return f"{path} has {count(there.st_size, 'byte')}, not {size:,} as in the manifest"
     key = there.st_dev, there.st_ino
     try:
-        known[key] = known.get(key) or file_sha256(root / path)
+        known[key] = (there.st_nlink > 1 and known.get(key)) or file_sha256(root / path)
     except OSError:
         return f"{path} is missing or cannot be read"
     return None if known[key] == sha256 else f"{path} differs from its SHA-256 in the manifest"

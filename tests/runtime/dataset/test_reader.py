@@ -371,6 +371,18 @@ def test_links_pipes_and_empty_folders_are_reported_and_never_opened(copy: Path,
     ]
 
 
+def test_files_with_one_inode_number_are_hashed_singly(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A false alarm: FUSE file systems may report one number for several files, which are no hard links."""
+    real = Path.lstat
+
+    def numberless(path: Path) -> os.stat_result:
+        found = real(path)
+        return os.stat_result((found.st_mode, 1, *found[2:]))
+
+    monkeypatch.setattr(Path, "lstat", numberless)
+    assert damage(copy) == []
+
+
 def test_a_manifest_that_is_inconsistent_or_of_other_tools_is_not_intact(copy: Path) -> None:
     edited, older = manifest_of(copy), manifest_of(copy)
     edited["variants"]["weather=w0,jitter=still"]["frames"]["street"]["rgb"][0] = "0" * 64
