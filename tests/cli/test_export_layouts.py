@@ -38,17 +38,22 @@ def test_a_layout_is_written_and_reported(dataset: Path, tmp_path: Path, form: s
 
 
 def test_lens_distortion_is_reported_for_kitti(tmp_path: Path) -> None:
-    """Regression: boxes projected by a calibration of KITTI missed the pictures, without a message."""
+    """Regression: boxes projected by a calibration of KITTI missed the pictures, without a message.
+
+    At first, the message named one sensor of several.
+    """
     plan = dataset_plan(2, 1)
     sensor = plan.variants[0].rig.sensors[0]
     bent = sensor.model_copy(update={"camera": sensor.camera.model_copy(update={"lens_k": 0.3})})
-    variant = plan.variants[0].model_copy(update={"rig": RigPlan(sensors=(bent,))})
-    plan = plan.model_copy(update={"variants": (variant,)})
+    straight, also = (each.model_copy(update={"name": "side"}) for each in (sensor, bent))
+    first = plan.variants[0].model_copy(update={"rig": RigPlan(sensors=(bent, straight))})
+    second = plan.variants[1].model_copy(update={"rig": RigPlan(sensors=(bent, also))})
+    plan = plan.model_copy(update={"variants": (first, second)})
     made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
     for form, warned in (("kitti", True), ("mots", False)):
         call = [str(made), str(tmp_path / form), "--format", form]
         done = CliRunner().invoke(export.command, call, catch_exceptions=False)
-        assert (done.exit_code, "pictures of street have lens distortion" in done.stderr) == (0, warned)
+        assert (done.exit_code, "pictures of street, side have lens distortion" in done.stderr) == (0, warned)
 
 
 def test_a_patch_can_be_chosen_for_armory_only(dataset: Path, tmp_path: Path) -> None:

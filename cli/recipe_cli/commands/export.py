@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from recipe_runtime.transfer.layouts import Layout
 
 _MAX_SHARD = 1 << 50  # bytes
+_MAX_NAMES = 20  # of sensors in a warning
 
 
 @click.command("export")
@@ -109,9 +110,11 @@ def _warn_of_distortion(dataset: Dataset) -> None:
     from recipe_compiler.ir.optics import bends
 
     sensors = [sensor for variant in dataset.plan.variants for sensor in variant.rig.sensors]
-    bent = next((sensor.name for sensor in sensors if bends(sensor.camera)), None)
-    if bent is not None:
-        what = f"pictures of {bent} have lens distortion, which KITTI's calibration cannot describe"
+    bent = list(dict.fromkeys(sensor.name for sensor in sensors if bends(sensor.camera)))
+    if bent:
+        more = f" and {count(len(bent) - _MAX_NAMES, 'other sensor')}" if len(bent) > _MAX_NAMES else ""
+        names = ", ".join(bent[:_MAX_NAMES]) + more
+        what = f"pictures of {names} have lens distortion, which KITTI's calibration cannot describe"
         remedy = "undistort them with the `distortion` in labels.jsonl, or set lens_k and lens_kcube to 0"
         warn(Problem(what, None, remedy, Code.INVALID_DATASET))
 

@@ -38,6 +38,11 @@ _UNSUPPORTED = {
     "motion_blur_min_object_screen_size": "every moving object is blurred",
     "post_process_profile": "the renderer has one camera model",
 }
+_LENS_UNIT = "the unit of radii is half the picture's width, whatever CARLA's lens_x_size and lens_y_size are"
+_OTHER_UNITS = {
+    "motion_blur_intensity": "a share of the time that the shutter is open, in CARLA of the time of a frame",
+    **dict.fromkeys(_LENS, _LENS_UNIT),
+}
 _READ_ELSEWHERE = {"role_name", "sensor_tick"}
 _SKIPPED = "the collector skips attributes that the blueprint lacks"
 
@@ -91,10 +96,11 @@ def note(reader: Reader, attributes: Attributes, to: str) -> None:
     for parameter, node in attributes.nodes.items():
         data = node.value.data
         is_same = str(data).lower() == str(values[parameter]).lower() or _as_number(data) == values[parameter]
-        if is_same:
+        if is_same and (parameter not in _OTHER_UNITS or not values[parameter]):
             reader.ledger.kept(node, f"{to}.{parameter}")
         else:
-            why = "automatic exposure depends on the scene, not on earlier pictures"
+            exposure = "automatic exposure depends on the scene, not on earlier pictures"
+            why = _OTHER_UNITS.get(parameter, exposure)
             reader.ledger.mapped(node, f"{to}.{parameter}", values[parameter], why)
 
 

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from recipe_compiler.ir import signals
 from recipe_compiler.ir.plan import Element, ScenePlan
 
-from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import Array, compose, from_pose, part_transforms
 
+_FASTEST = 150.0  # m/s: an actor that is faster between two frames has left the scene or entered it
 LAMP_RETREAT = 0.1  # metres by which a lens that is not lit lies behind its place, within the housing
 _BACK = {"walk": (0.0, 1.0, 0.0), "dont_walk": (0.0, 1.0, 0.0)}  # the pedestrian signal faces -y, the others +x
 
@@ -34,6 +35,24 @@ class SceneMotion:
             return parts
         lamps = np.stack([np.concatenate(self._lamps_at(int(frame))) for frame in frames])
         return np.concatenate([parts, lamps], axis=1)
+
+    def neighbour(self, frame: int, other: int) -> Array:
+        """Return the transforms of a neighbouring frame, [P, 3, 4], for the motion between the two.
+
+        Those of an actor that leaves the scene or enters it in between follow from its velocity: its poses in `frame`,
+        one interval earlier.
+        """
+        parts = self.parts(other)
+        trace, bases = self._trace, [self._trace.base_part(actor) for actor in self._trace.actors]
+        ways = np.abs(trace.positions[frame, bases] - trace.positions[other, bases]).max(axis=1, initial=0)
+        jumps = np.flatnonzero(ways / METRE * self._fps > _FASTEST)
+        now = self.parts(frame) if jumps.size else parts
+        for number in jumps.tolist():
+            rows = trace.actor_parts(trace.actors[number])
+            parts[rows] = now[rows]
+            parts[rows, :, 3] -= trace.linear[frame, number] / METRE / self._fps
+        trace.release()
+        return parts
 
     def _lamps_at(self, frame: int) -> list[Array]:
         seconds = frame / self._fps

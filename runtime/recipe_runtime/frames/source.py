@@ -218,7 +218,7 @@ class SceneSource:
 
         other = frame - 1 if frame > 0 else 1
         pose = sensor_transform(sensor, self.trace, other)
-        return NeighbourFrame(pose, self._motion.parts(other), 1.0 / self.scene.clock.fps)
+        return NeighbourFrame(pose, self._motion.neighbour(frame, other), 1.0 / self.scene.clock.fps)
 
 
 @dataclass(frozen=True)

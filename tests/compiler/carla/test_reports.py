@@ -68,6 +68,16 @@ def test_a_misspelt_weather_parameter_is_reported_with_the_nearest() -> None:
     assert row.why == "CARLA has no such weather parameter, did you mean fog_density?"
 
 
+@pytest.mark.parametrize("parameter", ["motion_blur_intensity", "lens_k", "lens_kcube"])
+def test_a_parameter_with_another_unit_is_mapped(parameter: str) -> None:
+    """Regression: it was reported as kept, which means the same value with the same meaning."""
+    for value, outcome in (("0.02", "mapped"), ("0", "kept")):
+        camera = f"{{name: sensor.camera.rgb, attr: {{{parameter}: '{value}'}}}}"
+        text = f"max_frames: 1\nspawn_actors:\n  - blueprint: {camera}\n"
+        (row,) = (row for row in import_text(text).report.rows if row.key.endswith(parameter))
+        assert (row.outcome.value, bool(row.why)) == (outcome, outcome == "mapped")
+
+
 def test_an_import_is_repeatable() -> None:
     for name in ("paper", "oscar", "crowded"):
         files = TOGETHER[name]
