@@ -8,7 +8,7 @@ from recipe_compiler.carla.catalogue import blueprints
 from recipe_compiler.carla.draft import Data, name_for
 from recipe_compiler.carla.forms.oscar import class_of
 from recipe_compiler.carla.forms.specs import ANGLES, Spec, Transform
-from recipe_compiler.carla.handedness import Pose, board_pose
+from recipe_compiler.carla.handedness import Pose, board_pose, normalize_range
 from recipe_compiler.carla.report import Node
 from recipe_compiler.carla.scene import ACTORS, Scene
 from recipe_compiler.ir.errors import Code
@@ -95,7 +95,7 @@ def _write_start(scene: Scene, spec: Spec, transform: Transform, to: str) -> Non
     yaw = numbers["yaw"]
     if yaw.node is None:
         scene.reader.ledger.default(f"{to}.start.yaw", pose.yaw, "CARLA's default rotation")
-    scene.draw(yaw, f"actors.{scene.name(spec)}.start.yaw", -yaw.high, -yaw.low)
+    scene.draw(yaw, f"actors.{scene.name(spec)}.start.yaw", *normalize_range(-yaw.high, -yaw.low))
     scene.note_number(yaw, f"{to}.start.yaw", pose.yaw, _SIGN_CHANGED)
     for axis in ("z", "roll", "pitch"):
         node = numbers[axis].node
@@ -214,6 +214,7 @@ def write_crowds(scene: Scene) -> None:
     """Write actor generators as traffic; the sensors of the scene must have names already."""
     traffic: dict[str, Data] = {}
     totals = {"vehicles": 0, "pedestrians": 0}
+    counted: list[tuple[str, Node]] = []
     for spec in scene.of_kind("generator"):
         class_node, node = spec.node.get("_actor_"), spec.attributes.get("count")
         key = {"Vehicle": "vehicles", "Walker": "pedestrians"}.get(class_of(spec.node, "_actor_"))
@@ -229,10 +230,10 @@ def write_crowds(scene: Scene) -> None:
             message, remedy = f"{totals[key]} generated actors", f"keep at most {TRAFFIC_LIMIT} of a kind"
             scene.reader.reject(node, message, remedy, Code.OUT_OF_RANGE)
         traffic[key] = totals[key]
-        to, why = f"base.traffic.{key}", "random actors of the traffic model"
-        scene.reader.ledger.mapped(node, to, totals[key], why)
-        scene.reader.ledger.mapped(class_node, to, totals[key], why)
+        counted += [(key, node), (key, class_node)]
         _add_options(scene, spec, traffic)
+    for key, node in counted:
+        scene.reader.ledger.mapped(node, f"base.traffic.{key}", totals[key], "random actors of the traffic model")
     if traffic:
         scene.draft.set("base.traffic", traffic)
 

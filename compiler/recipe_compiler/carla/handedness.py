@@ -91,6 +91,15 @@ def normalize_angle(angle: float) -> float:
     return rest + 0.0
 
 
+def normalize_range(low: float, high: float) -> tuple[float, float]:
+    """Return a range of angles, moved by whole turns to the middle from -180 to 180 if it is not within one turn."""
+    if low >= -360.0 and high <= 360.0:
+        return low, high
+    middle = (low + high) / 2
+    turns = normalize_angle(middle) - middle
+    return low + turns, high + turns
+
+
 def _applied(rows: Rows, v: tuple[float, float, float]) -> tuple[float, float, float]:
     x, y, z = (row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in rows)
     return x, y, z

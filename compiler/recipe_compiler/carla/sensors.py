@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from recipe_compiler.carla import cameras, routes
 from recipe_compiler.carla.draft import Data, name_for
 from recipe_compiler.carla.forms.specs import ANGLES, POSITION, Number, Spec
-from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose
+from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose, normalize_range
 from recipe_compiler.carla.report import Node, number_text
 from recipe_compiler.carla.scene import ACTORS, Scene
 from recipe_compiler.ir.errors import Code
@@ -167,7 +167,7 @@ def _note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
     for axis in ANGLES:
         sign = 1.0 if axis == "roll" else -1.0
         low, high = sorted((sign * numbers[axis].low, sign * numbers[axis].high))
-        scene.draw(numbers[axis], f"{below}.{axis}", low, high)
+        scene.draw(numbers[axis], f"{below}.{axis}", *normalize_range(low, high))
         why = _SIGN_CHANGED if sign < 0 else "the same angle, from -180 to 180 degrees"
         scene.note_number(numbers[axis], f"{to}.{axis}", getattr(pose, axis), why)
 

@@ -8,6 +8,8 @@ import pytest
 
 from tests.compiler.carla.importing import CONFIGS, TOGETHER, compiled, import_files, import_text, leaves
 
+OSCAR_ACTORS = "oscar_datagen_tools.simulation.actors"
+
 # Every key of the collector, from the reference page 1.1.
 KEYS = {
     "carla": "host port timeout sync.fps sync.timeout seed traffic_manager_port respawn townmap retry",
@@ -76,6 +78,41 @@ def test_a_parameter_with_another_unit_is_mapped(parameter: str) -> None:
         text = f"max_frames: 1\nspawn_actors:\n  - blueprint: {camera}\n"
         (row,) = (row for row in import_text(text).report.rows if row.key.endswith(parameter))
         assert (row.outcome.value, bool(row.why)) == (outcome, outcome == "mapped")
+
+
+def test_generators_of_one_class_are_reported_with_their_sum() -> None:
+    """Regression: the first was reported with its own count, which the recipe does not have."""
+    text = f"""
+max_frames: 1
+actors:
+  a: {{_target_: {OSCAR_ACTORS}.ActorsGenerator, _actor_: {OSCAR_ACTORS}.Vehicle, count: 3}}
+  b: {{_target_: {OSCAR_ACTORS}.ActorsGenerator, _actor_: {OSCAR_ACTORS}.Vehicle, count: 5}}
+  c: {{_target_: {OSCAR_ACTORS}.Camera, modalities: [rgb]}}
+"""
+    rows = [row for row in import_text(text).report.rows if row.to == "base.traffic.vehicles"]
+    assert [row.written for row in rows] == ["8"] * 4
+
+
+def test_a_range_of_angles_beyond_a_turn_is_moved_into_it() -> None:
+    """Regression: the recipe was invalid, or not, depending on the first value that was drawn."""
+    text = f"""
+max_frames: 1
+actors:
+  c:
+    _target_: {OSCAR_ACTORS}.Camera
+    modalities: [rgb]
+    transform: {{location: {{z: 9}}, rotation: {{yaw: [350, 370], pitch: [300, 320], roll: [-800, -700]}}}}
+  w:
+    _target_: {OSCAR_ACTORS}.Walker
+    transform: {{rotation: {{yaw: [340, 390]}}}}
+"""
+    draws = {row.to.rpartition("values.")[2]: row.written for row in import_text(text).report.rows if "draw" in row.to}
+    assert draws == {
+        "sensors.c.mount.yaw": "[-10, 10]",
+        "sensors.c.mount.pitch": "[-320, -300]",
+        "sensors.c.mount.roll": "[-80, 20]",
+        "actors.w.start.yaw": "[-30, 20]",
+    }
 
 
 def test_an_import_is_repeatable() -> None:
