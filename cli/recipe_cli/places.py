@@ -88,6 +88,23 @@ def _owner(path: Path) -> int | None:
         return None
 
 
+def check_default_folder(folder: Path, option: str = "--output") -> Path:
+    """Return the folder to which a command writes unless `option` names one, such as `datasets`.
+
+    Raises:
+        InputError: it is a symbolic link, which may have come with a recipe; only a folder that is named may be one.
+    """
+    from recipe_compiler.ir.errors import Code, InputError
+
+    if folder.is_symlink():
+        raise InputError(
+            f"{folder} is a symbolic link, and files are written through a link only if it is named",
+            help=f"replace the link with a folder, or choose one with {option}",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+    return folder
+
+
 def source_of(recipe: Path, lockfile: Path) -> str:
     """Return the path from a lockfile's folder to the recipe, as a lockfile records it."""
     return Path(os.path.relpath(recipe.resolve(), lockfile.resolve().parent)).as_posix()

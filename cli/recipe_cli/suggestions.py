@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 from pathlib import Path
@@ -53,11 +52,13 @@ def _respelt(path: Path) -> str | None:
     folder = Path(path.anchor)
     for number, part in enumerate(path.parts[1 if path.anchor else 0 :], start=1 if path.anchor else 0):
         if not (folder / part).exists():
+            from recipe_compiler.source.similar_names import similar_names
+
             try:
                 names = sorted(entry.name for entry in folder.iterdir())[:_MAX_NAMES]
             except OSError:
                 return None
-            close = difflib.get_close_matches(part[:100], names, n=1, cutoff=0.7)
+            close = similar_names(part, names, 1, 0.7)
             found = folder.joinpath(*close, *path.parts[number + 1 :])
             return str(found) if close and found.exists() else None
         folder /= part

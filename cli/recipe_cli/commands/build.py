@@ -30,7 +30,14 @@ from recipe_cli.arguments import (
 )
 from recipe_cli.build_report import Outcome
 from recipe_cli.console import fail, print_json, say, warn
-from recipe_cli.places import free_disk, lockfile_path, read_lockfile, recipe_files, source_of
+from recipe_cli.places import (
+    check_default_folder,
+    free_disk,
+    lockfile_path,
+    read_lockfile,
+    recipe_files,
+    source_of,
+)
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import url_with_one_slash
 
@@ -171,7 +178,7 @@ def _inputs(request: Request) -> Inputs:
     workers = None if request.ray else worker_count(request.workers)  # a cluster's memory is not this host's
     free = free_disk(folder or Path())
     compiled = compile_quietly(recipe, allow_large=request.allow_large, free_disk=free, workers=workers)
-    folder = folder or Path("datasets") / compiled.plan.recipe
+    folder = folder or check_default_folder(Path("datasets")) / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
     from recipe_runtime.build.recipe_files import RecipeFiles

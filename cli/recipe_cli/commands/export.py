@@ -124,7 +124,8 @@ def _report_left_out(folder: Path, files: Iterable[str], as_json: bool) -> int:
     from recipe_compiler.ir.errors import Code, Problem
 
     table = folder / "left_out.csv"
-    rows = len(table.read_text(encoding="utf-8").splitlines()) - 1
+    with table.open("rb") as lines:
+        rows = sum(1 for _ in lines) - 1
     if not any(file.endswith(".png") for file in files):
         remedy = f"{table} has the reasons"
         warn(

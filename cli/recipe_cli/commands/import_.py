@@ -13,6 +13,7 @@ import click
 from recipe_cli import completion
 from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
 from recipe_cli.console import print_json, say, warn
+from recipe_cli.places import check_default_folder
 
 if TYPE_CHECKING:
     from recipe_compiler.carla import File, Imported
@@ -40,7 +41,7 @@ def command(
 
     _check_town(town)
     made = carla.import_configurations([_read(path) for path in configs], town=town)
-    folder = Path("recipes") if output is None else output
+    folder = check_default_folder(Path("recipes")) if output is None else output
     files = {folder / name: body for one in made for name, body in _files(one).items()}
     _check_free(files, configs, replace=replace)
     for one in made:

@@ -91,7 +91,8 @@ def command(
             made = shot(scenario, sensor, frame, modality, engines=engines, device=device, progress=progress)
         name = _name(plan.recipe, scenario.variant, made)
         if output is None and not replace:
-            (path,) = unused_names(lambda suffix: {Path(f"{name}{suffix}.png"): made.encoded()})
+            body = made.encoded()
+            (path,) = unused_names(lambda suffix: {Path(f"{name}{suffix}.png"): body})
         else:
             path = output or Path(f"{name}.png")
         made.write(path, replace=replace or output is None)

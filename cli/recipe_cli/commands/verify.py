@@ -25,7 +25,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
-from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
+from recipe_cli.places import FOLDER, check_default_folder, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
 
@@ -151,21 +151,9 @@ def _check_options(
 
 
 def _checked_pictures(folder: Path) -> Path:
-    """Return the folder for pictures.
-
-    Raises:
-        InputError: it is a symbolic link and the default, so the user did not name it.
-    """
-    from recipe_compiler.ir.errors import Code, InputError
-
+    """Return the folder for pictures; InputError if it is the default and a symbolic link."""
     chosen = click.get_current_context().get_parameter_source("pictures")
-    if folder.is_symlink() and chosen is ParameterSource.DEFAULT:
-        raise InputError(
-            f"{folder} is a symbolic link, and pictures are written through a link only if it is named",
-            help="replace the link with a folder, or choose one with --pictures",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
-    return folder
+    return check_default_folder(folder, "--pictures") if chosen is ParameterSource.DEFAULT else folder
 
 
 def _each(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
 from typing import get_args
 
 from pydantic import BaseModel, ValidationError
@@ -13,6 +12,7 @@ from pydantic_core import ErrorDetails
 
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, Problem, split_remedy
 from recipe_compiler.schema import remedies, units
+from recipe_compiler.source.similar_names import MAX_LENGTH, similar_names
 from recipe_compiler.source.yaml_reader import Value, show
 
 Path = tuple[str | int, ...]
@@ -65,7 +65,6 @@ _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
 }
 # Of our own checks, those of keys that exclude others.
 _CONFLICTS = {"way", "asset", "prop", "carrier", "texture", "distribution", "clip", "moves", "frame"}
-_MAX_COMPARED = 30  # of many names, those with the most letter pairs in common are compared letter by letter
 _MAX_LISTED = 12  # valid names that a remedy lists
 
 Words = tuple[Code, str, str | None]
@@ -104,11 +103,8 @@ def near(word: str, options: Iterable[str]) -> str | None:
     same = next((name for name in names if name.lower() == word.lower()), None)
     if same is not None:
         return same
-    if len(names) > _MAX_COMPARED:
-        pairs = _letter_pairs(word[:100])
-        names = sorted(names, key=lambda name: -_overlap(pairs, _letter_pairs(name[:100])))[:_MAX_COMPARED]
-    parts = word[:100].split(".")
-    for name in difflib.get_close_matches(word[:100], names, n=5, cutoff=0.6):
+    parts = word[:MAX_LENGTH].split(".")
+    for name in similar_names(word, names, 5, 0.6):
         candidate = name.split(".")
         if len(parts) == 1 or (len(candidate) == len(parts) and all(map(_alike, parts, candidate))):
             return name
@@ -125,16 +121,6 @@ class Suggestions:
         """As `nearest`, for as many words as there are problems shown; then the valid names."""
         self._searches += 1
         return nearest(word, self._options) if self._searches <= MAX_SHOWN else listed(self._options)
-
-
-@lru_cache(maxsize=1 << 14)
-def _letter_pairs(text: str) -> frozenset[str]:
-    return frozenset(text[at : at + 2] for at in range(len(text) - 1))
-
-
-def _overlap(one: frozenset[str], other: frozenset[str]) -> float:
-    """The share of letter pairs that two words have in common, 0 to 1 (Dice's coefficient)."""
-    return 2 * len(one & other) / max(1, len(one) + len(other))
 
 
 def _alike(one: str, other: str) -> bool:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Collection
 from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
+from recipe_compiler.source.similar_names import similar_names
 from recipe_compiler.source.yaml_reader import MAX_BYTES, printable, show
 
 _MAX_NAMES = 2000  # number of a folder's entries with which a misspelt name is compared
@@ -37,7 +37,7 @@ def nearest_file(path: Path, besides: Collection[Path] = ()) -> str | None:
     if recipes:
         return f"did you mean {show(recipes[0])}?"
     alike = [name for name in names if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
-    close = difflib.get_close_matches(path.name[:100], alike, n=1, cutoff=0.75)
+    close = similar_names(path.name, alike, 1, 0.75)
     return f"did you mean {show(close[0])}?" if close else None
 
 

@@ -26,7 +26,7 @@ from recipe_compiler.ir.plan_types import (
 )
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import open_inside
+from recipe_runtime.core.files import open_inside, regular_file
 from recipe_runtime.dataset.json_stream import JsonStream
 from recipe_runtime.dataset.limits import MAX_FILES, MAX_ROWS
 from recipe_runtime.dataset.manifest import FORMAT, stays_inside
@@ -213,12 +213,21 @@ def check_outside_datasets(out: Path) -> None:
     """Check that no parent of `out` is a dataset, because a dataset contains only the files of its manifest.
 
     Raises:
-        InputError: `out` is inside a dataset.
+        InputError: `out` is inside a dataset, or its parents have more other manifests than are read.
     """
+    left = MAX_BYTES  # of manifests that are read in vain: an archive may have one file, linked, in many nested folders
     for folder in out.resolve().parents:
         try:
             read(folder)
         except (OSError, ValueError):
+            found = regular_file(folder, layout.MANIFEST)
+            left -= found.st_size if found is not None and found.st_size <= MAX_BYTES else 0
+            if left < 0:
+                raise InputError(
+                    f"{folder / layout.MANIFEST} and others above {out} are large and not manifests of a dataset",
+                    help="choose a folder elsewhere",
+                    code=Code.OUTPUT_IN_THE_WAY,
+                ) from None
             continue
         beside = folder.parent / out.name
         if beside.exists():

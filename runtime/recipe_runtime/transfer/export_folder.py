@@ -9,14 +9,15 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
-from recipe_runtime.core.files import is_folder, open_folder, read_inside, regular_file
+from recipe_runtime.core.files import has_content, is_folder, open_folder, read_inside, regular_file
 from recipe_runtime.dataset.json_stream import loads
+from recipe_runtime.dataset.limits import byte_count
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset
 
@@ -136,6 +137,20 @@ def read_index(out: Path, name: str, dataset: Dataset, bytes_per_frame: int) -> 
         return loads(body, 1000 + len(body) // _MIN_BYTES_PER_VALUE) if body else None
     except (OSError, ValueError):
         return None
+
+
+def holds_files(out: Path, rows: Iterable[tuple[str, int, str]], dataset: Dataset) -> bool:
+    """Return whether a folder has the files of an index, which may have been written by anyone.
+
+    Args:
+        out: The folder of the export.
+        rows: Path, size in bytes and SHA-256 of each file.
+        dataset: The dataset, which determines how many bytes are hashed at most.
+    """
+    known = list(rows)
+    if any(size < 0 for _, size, _ in known) or sum(size for _, size, _ in known) > 2 * byte_count(dataset.plan):
+        return False
+    return all(has_content(out, path, size, sha256) for path, size, sha256 in known)
 
 
 def remove(path: Path) -> None:

@@ -24,13 +24,14 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_runtime.annotate import kitti
 from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, host_errors, is_folder, regular_file
+from recipe_runtime.core.files import host_errors, is_folder
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.transfer import armory
 from recipe_runtime.transfer.export_folder import (
     check_destination,
+    holds_files,
     is_empty,
     publish,
     read_index,
@@ -81,7 +82,7 @@ def export_layout(
         recover(out)
     known = _read_index(out, dataset)
     made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
-    if known is not None and _made_from(known) == made_from and _is_complete(out, known):
+    if known is not None and _made_from(known) == made_from and _is_complete(out, known, dataset):
         return known
     _check_replaceable(out, known, replace=replace)
     sequences = [
@@ -220,9 +221,7 @@ def _is_index(index: object) -> bool:
     )
 
 
-def _is_complete(out: Path, known: LayoutIndex) -> bool:
+def _is_complete(out: Path, known: LayoutIndex, dataset: Dataset) -> bool:
     """Return whether a folder contains exactly the files of its index, with the bytes recorded there."""
-    return _has_only(out, known) and all(
-        (found := regular_file(out, path)) is not None and found.st_size == size and file_sha256(out / path) == digest
-        for path, (size, digest) in known["files"].items()
-    )
+    rows = ((path, cast("int", size), str(sha256)) for path, (size, sha256) in known["files"].items())
+    return _has_only(out, known) and holds_files(out, rows, dataset)

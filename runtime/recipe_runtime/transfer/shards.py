@@ -33,6 +33,7 @@ from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.transfer.export_folder import (
     MARKER,
     check_destination,
+    holds_files,
     is_empty,
     publish,
     read_index,
@@ -118,7 +119,7 @@ def webdataset(
         recover(out)
     known = _index_of(out, dataset)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
-    if known is not None and same and _is_complete(out, known):
+    if known is not None and same and _is_complete(out, known, dataset):
         return known
     if out.is_symlink() or (out.exists() and not is_empty(out) and (known is None or _has_other_files(out, known))):
         raise InputError(
@@ -268,10 +269,7 @@ def _is_index(index: object) -> bool:
     )
 
 
-def _is_complete(out: Path, index: ExportIndex) -> bool:
+def _is_complete(out: Path, index: ExportIndex, dataset: Dataset) -> bool:
     """Return whether a folder contains exactly the shards of an index, with the recorded bytes."""
-    for row in index["shards"]:
-        found = regular_file(out, row["file"])
-        if found is None or found.st_size != row["size"] or file_sha256(out / row["file"]) != row["sha256"]:
-            return False
-    return not _has_other_files(out, index)
+    rows = ((row["file"], row["size"], row["sha256"]) for row in index["shards"])
+    return not _has_other_files(out, index) and holds_files(out, rows, dataset)

@@ -126,9 +126,9 @@ def _files(a: Side, b: Side) -> Iterator[Difference]:
     if not ours or not theirs or a.lock.plan == b.lock.plan:
         return  # a dataset or a plan lists no files; or the same plan with other text
     first, second = _alone(ours, theirs), _alone(theirs, ours)
-    for path in [path for path in first if path in second]:
+    for path in sorted({*first} & {*second}):
         yield Difference("recipe", f"{path} differs")
-    only_first, only_second = ([p for p in x if p not in y] for x, y in ((first, second), (second, first)))
+    only_first, only_second = sorted({*first} - {*second}), sorted({*second} - {*first})
     if len(only_first) == len(only_second) == 1:  # the recipe itself, under two names
         yield Difference("recipe", f"{only_first[0]} and {only_second[0]} differ")
         return
@@ -138,7 +138,8 @@ def _files(a: Side, b: Side) -> Iterator[Difference]:
 
 def _alone(files: Mapping[str, str], others: Mapping[str, str]) -> list[str]:
     """Return the files whose content does not occur among the others, under any name."""
-    return [path for path, value in sorted(files.items()) if value not in others.values()]
+    known = set(others.values())
+    return [path for path, value in sorted(files.items()) if value not in known]
 
 
 def _versions(a: Side, b: Side) -> Iterator[Difference]:
@@ -242,15 +243,16 @@ def _shown(messages: _Messages, part: str) -> list[str]:
 
 def _traces(a: Side, b: Side) -> Iterator[Difference]:
     """Yield scenes with equal plans and different motion, with the first body that differs and the frames."""
+    found: dict[str, list[tuple[int, str, int]]] = {}  # by scene
+    for (scene, actor), motion in a.lock.bodies.items():
+        other = b.lock.bodies.get((scene, actor))
+        at = first_divergence(motion, other) if other else None
+        if at:
+            found.setdefault(scene, []).append((at[0], actor, at[1]))
     for scene, value in a.lock.traces.items():
         if b.lock.traces.get(scene, value) == value:
             continue
-        divergences = []
-        for (of, actor), motion in a.lock.bodies.items():
-            other = b.lock.bodies.get((of, actor))
-            at = first_divergence(motion, other) if of == scene and other else None
-            if at:
-                divergences.append((at[0], actor, at[1]))
+        divergences = found.get(scene)
         if not divergences:
             yield Difference("trace", f"scene {scene[:16]} has different motion")
             continue
