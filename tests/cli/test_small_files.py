@@ -105,14 +105,16 @@ def test_a_lockfile_on_a_full_disk_is_an_error_with_the_file_and_a_remedy(
 
 
 @pytest.mark.parametrize(
-    ("command", "folder"), [("lock", "lockfiles"), ("verify", "differences")], ids=["lock", "verify"]
+    ("command", "folder"),
+    [("lock", "lockfiles"), ("verify", "differences"), ("build", "datasets"), ("import carla", "recipes")],
+    ids=["lock", "verify", "build", "import"],
 )
 def test_a_default_folder_that_is_a_link_is_not_written_through(tmp_path: Path, command: str, folder: str) -> None:
     """The command line does not name it, so an untrusted folder could choose where files are written."""
     (tmp_path / "r.yaml").write_text(json.dumps(small()))
     (tmp_path / "victim").mkdir()
     (tmp_path / folder).symlink_to("victim")
-    done = run_here(command, "r.yaml", cwd=tmp_path)
+    done = run_here(*command.split(), "r.yaml", cwd=tmp_path)
     assert done.returncode == 2 and f"{folder} is a symbolic link" in done.stderr
     assert not list((tmp_path / "victim").iterdir())
 

@@ -40,8 +40,8 @@ def command(
     from recipe_compiler import carla
 
     _check_town(town)
-    made = carla.import_configurations([_read(path) for path in configs], town=town)
     folder = check_default_folder(Path("recipes")) if output is None else output
+    made = carla.import_configurations([_read(path) for path in configs], town=town)
     files = {folder / name: body for one in made for name, body in _files(one).items()}
     _check_free(files, configs, replace=replace)
     for one in made:

@@ -23,6 +23,7 @@ from PIL import Image
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
+from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.reader import Dataset, read
 from recipe_runtime.transfer import export_folder, shards
 from recipe_runtime.transfer.export_folder import MARKER
@@ -298,6 +299,51 @@ def test_a_forged_index_takes_little_memory(built: Dataset, tmp_path: Path, expo
             assert tracemalloc.get_traced_memory()[1] < 40 << 20
         finally:
             tracemalloc.stop()
+
+
+@pytest.mark.parametrize("form", ["webdataset", "kitti"])
+def test_few_bytes_of_a_forged_export_are_hashed(
+    built: Dataset, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sparse file of 1 TiB, which an index lists, would be hashed for 45 minutes; it takes no space in an archive."""
+    out = tmp_path / "out"
+    export = shards.webdataset if form == "webdataset" else partial(export_layout, form="kitti")
+    index = json.loads(json.dumps(export(dataset=built, out=out, progress=lambda *_: None)))
+    rows = index["shards"] if form == "webdataset" else index["files"]
+    name = rows[0]["file"] if form == "webdataset" else next(iter(rows))
+    size = 1 << 40
+    os.truncate(out / name, size)
+    if form == "webdataset":
+        rows[0]["size"] = size
+    else:
+        rows[name][0] = size
+    (out / shards.INDEX).write_text(json.dumps(index))
+
+    def unexpected(path: Path) -> str:
+        assert path.stat().st_size < size
+        return ""
+
+    monkeypatch.setattr("recipe_runtime.core.files.file_sha256", unexpected)
+    monkeypatch.setattr("recipe_runtime.transfer.shards.file_sha256", unexpected)
+    with pytest.raises(InputError, match="exists already"):
+        export(dataset=built, out=out, progress=lambda *_: None)
+
+
+def test_nested_folders_with_large_manifests_are_not_all_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An archive of 1 MB may hold one manifest of 200 MB, linked in 60 nested folders: 5 s for each of them."""
+    monkeypatch.setattr(manifest_reader, "MAX_BYTES", 1 << 10)
+    inner = tmp_path
+    for number in range(10):
+        inner /= str(number)
+        inner.mkdir()
+        (inner / layout.MANIFEST).write_text('{"files": {}, ' + " " * 500 + '"order": 7')
+    read_folders = []
+    real = manifest_reader.read
+    monkeypatch.setattr(manifest_reader, "read", lambda folder: read_folders.append(folder) or real(folder))
+    with pytest.raises(InputError, match="are large and not manifests of a dataset; choose a folder elsewhere"):
+        manifest_reader.check_outside_datasets(inner / "out")
+    assert read_folders == [inner, inner.parent]
+    manifest_reader.check_outside_datasets(tmp_path / "0" / "out")  # one such manifest is no obstacle
 
 
 def test_the_current_folder_is_not_replaced(built: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
