@@ -24,6 +24,7 @@ from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset import manifest_reader
+from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.reader import Dataset, read
 from recipe_runtime.transfer import export_folder, shards
 from recipe_runtime.transfer.export_folder import MARKER
@@ -305,13 +306,13 @@ def test_a_forged_index_takes_little_memory(built: Dataset, tmp_path: Path, expo
 def test_few_bytes_of_a_forged_export_are_hashed(
     built: Dataset, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A sparse file of 1 TiB, which an index lists, would be hashed for 45 minutes; it takes no space in an archive."""
+    """A sparse file of 1 TiB that an index lists would be hashed for 45 minutes. It takes no space in an archive."""
     out = tmp_path / "out"
     export = shards.webdataset if form == "webdataset" else partial(export_layout, form="kitti")
     index = json.loads(json.dumps(export(dataset=built, out=out, progress=lambda *_: None)))
     rows = index["shards"] if form == "webdataset" else index["files"]
     name = rows[0]["file"] if form == "webdataset" else next(iter(rows))
-    size = 1 << 40
+    size = 1 << 33
     os.truncate(out / name, size)
     if form == "webdataset":
         rows[0]["size"] = size
@@ -337,9 +338,13 @@ def test_nested_folders_with_large_manifests_are_not_all_read(tmp_path: Path, mo
         inner /= str(number)
         inner.mkdir()
         (inner / layout.MANIFEST).write_text('{"files": {}, ' + " " * 500 + '"order": 7')
-    read_folders = []
-    real = manifest_reader.read
-    monkeypatch.setattr(manifest_reader, "read", lambda folder: read_folders.append(folder) or real(folder))
+    read_folders, real = [], manifest_reader.read
+
+    def recorded(folder: Path) -> Manifest:
+        read_folders.append(folder)
+        return real(folder)
+
+    monkeypatch.setattr(manifest_reader, "read", recorded)
     with pytest.raises(InputError, match="are large and not manifests of a dataset; choose a folder elsewhere"):
         manifest_reader.check_outside_datasets(inner / "out")
     assert read_folders == [inner, inner.parent]
