@@ -14,7 +14,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
 from recipe_runtime.annotate.ids import UniqueIds, annotation_id, image_id, track_id, video_id
-from recipe_runtime.annotate.records import FrameRecord, Video
+from recipe_runtime.annotate.records import FrameRecord, Video, by_variant
 from recipe_runtime.annotate.rows import tables
 from recipe_runtime.core import layout
 
@@ -89,8 +89,7 @@ def _info(dataset: DatasetPlan, identity: str) -> Row:
 def _tracks(videos: Sequence[Video]) -> Iterator[Row]:
     """Yield a row for every actor that is visible in a variant; kwcoco requires unique names."""
     ids = UniqueIds("tracks")
-    for variant in dict.fromkeys(video.variant for video in videos):
-        mine = (video for video in videos if video.variant == variant)
+    for variant, mine in by_variant(videos).items():
         items = (item for video in mine for record in video.frames for item in record["objects"])
         instances = {item["instance"]: item["actor"] for item in items}
         for instance, actor in sorted(instances.items()):

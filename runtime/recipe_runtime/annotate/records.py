@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, TypedDict
 
@@ -165,3 +165,11 @@ class Video:
     def name(self) -> str:
         """The name of the video in every annotation file."""
         return f"{self.variant}/{self.sensor.name}"
+
+
+def by_variant(videos: Iterable[Video]) -> dict[str, list[Video]]:
+    """Return the videos of each variant, in their order."""
+    found: dict[str, list[Video]] = {}
+    for video in videos:
+        found.setdefault(video.variant, []).append(video)
+    return found

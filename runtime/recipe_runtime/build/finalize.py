@@ -9,7 +9,7 @@ from pathlib import Path
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
-from recipe_runtime.annotate.records import FileRow, Video
+from recipe_runtime.annotate.records import FileRow, Video, by_variant
 from recipe_runtime.annotate.validate import problems
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.workspace import Workspace
@@ -18,7 +18,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset.assembly import FrameAssembly
-from recipe_runtime.dataset.events import events_csv
+from recipe_runtime.dataset.events import distinct_events
 from recipe_runtime.dataset.manifest import file_row, manifest_text
 from recipe_runtime.dataset.schedule import simulations, views
 from recipe_runtime.dataset.text_files import Text, annotation_texts, closing_texts, labels_text, with_labels
@@ -100,17 +100,17 @@ class Finisher:
         return dict.fromkeys([first, *others], row)
 
     def _motion(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
-        """Write one `tracks.csv` per scene, linked into the folder of each of its variants, and their `events.csv`."""
+        """Write `tracks.csv` and `events.csv`, each linked into the folder of every variant with the same content."""
         files: dict[str, FileRow] = {}
+        videos = by_variant(self.videos)
         for scene in simulations(self.dataset):
             names = [v.variant for v in self.dataset.variants if v.scene.digest == scene.digest]
             first, *others = (layout.tracks_file(name) for name in names)
             motion = trace(scene)
             files |= self._shared(self.work.write_pieces(first, tracks_csv(scene, motion)), first, others)
-            for name in names:
-                mine = [video for video in self.videos if video.variant == name]
-                path = layout.events_file(name)
-                files[path] = self.work.write_pieces(path, events_csv(scene, motion, mine))
+            for same, pieces in distinct_events(scene, motion, {name: videos.get(name, []) for name in names}):
+                first, *others = (layout.events_file(name) for name in same)
+                files |= self._shared(self.work.write_pieces(first, pieces), first, others)
         return files
 
     def _check(self) -> dict[str, FileRow]:

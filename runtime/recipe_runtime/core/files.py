@@ -136,10 +136,15 @@ def file_sha256(path: Path) -> str:
     Raises:
         OSError: It cannot be read, or is a symbolic link or another kind of file.
     """
-    hasher = hashlib.sha256()
     with open_no_follow(path) as file:
-        while piece := file.read(1 << 20):
-            hasher.update(piece)
+        return sha256_of(file)
+
+
+def sha256_of(file: BinaryIO) -> str:
+    """Return the SHA-256 of the rest of a file, read in chunks."""
+    hasher = hashlib.sha256()
+    while piece := file.read(1 << 20):
+        hasher.update(piece)
     return hasher.hexdigest()
 
 

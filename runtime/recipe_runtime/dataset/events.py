@@ -6,7 +6,8 @@ from the labels.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
 
 from recipe_compiler.ir import signals
 from recipe_compiler.ir.plan import ScenePlan
@@ -22,17 +23,30 @@ Event = tuple[int, int, float, float, str, str, str, str, str]
 """First and last frame, time and end time in seconds, kind, sensor, subject, object, value."""
 
 
-def events_csv(scene: ScenePlan, trace: Trace, videos: Sequence[Video]) -> Iterator[bytes]:
-    """Yield the file in pieces: a header, then the events in the order of their first frames.
+def distinct_events(
+    scene: ScenePlan, trace: Trace, videos: Mapping[str, Sequence[Video]]
+) -> Iterator[tuple[list[str], Iterator[bytes]]]:
+    """Yield the variants that share a file, and the file in pieces: a header, then the events by their first frames.
+
+    Variants differ only in the tracks of their labels. What the scene determines is computed once.
 
     Args:
-        scene: The scene of the variant.
+        scene: The scene of the variants.
         trace: The motion of the scene.
-        videos: The videos of the variant, with their labels.
+        videos: The videos of each variant, with their labels.
     """
+    groups: dict[bytes, list[str]] = {}
+    for name, mine in videos.items():
+        tracks = sorted(_tracks(scene, mine))
+        groups.setdefault(hashlib.sha256(repr(tracks).encode()).digest(), []).append(name)
+    always = [*_collisions(scene, trace), *_presence(scene, trace), *_lights(scene)]
+    for names in groups.values():
+        yield names, _pieces(sorted([*always, *_tracks(scene, videos[names[0]])]))
+
+
+def _pieces(events: Sequence[Event]) -> Iterator[bytes]:
     yield COLUMNS.encode() + b"\n"
-    found = [*_collisions(scene, trace), *_presence(scene, trace), *_lights(scene), *_tracks(scene, videos)]
-    for first, last, time, end, kind, *names in sorted(found):
+    for first, last, time, end, kind, *names in events:
         fields = ",".join(map(field, names))
         yield f"{kind},{first},{last},{text(time)},{text(end)},{fields}\n".encode()
 

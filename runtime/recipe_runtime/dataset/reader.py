@@ -16,23 +16,23 @@ from typing import Any
 
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile, VariantRow
-from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
-from recipe_runtime.annotate.records import FrameRecord, LabelledFrame, Video
+from recipe_runtime.annotate.records import FrameRecord, LabelledFrame, Video, by_variant
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, open_inside, read_inside
 from recipe_runtime.core.files import regular_file as regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests, manifest_reader
-from recipe_runtime.dataset.events import events_csv
+from recipe_runtime.dataset.events import distinct_events
 from recipe_runtime.dataset.limits import byte_count, check_bounds, check_plan, file_count, row_count
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
-from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, instances_of, labels_of
+from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, differing, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
 _MAX_NAMES = 2000  # entries of a folder that are searched for a dataset
@@ -218,17 +218,19 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
             except (OSError, *DAMAGE) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
                 found.append((path, f"{path}: {reason}"))
-        if variant.scene.digest in traces:
-            found += tracks_difference(dataset, variant, traces[variant.scene.digest])
+    scenes = {v.scene.digest: v.scene for v in dataset.plan.variants if v.scene.digest in traces}
+    for digest, scene in scenes.items():
+        found += tracks_difference(dataset, scene, traces[digest])
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
         return found  # all labels are required to generate the files
     known = dataset.plan, dataset.lock.identity, videos
-    for variant in dataset.plan.variants:
-        trace = traces.get(variant.scene.digest)
-        if trace is not None and trace.contacts is not None:
-            mine = [video for video in videos if video.variant == variant.variant]
-            pieces = events_csv(variant.scene, trace, mine)
-            found += _pieces_difference(dataset.root, layout.events_file(variant.variant), pieces)
+    by_name = by_variant(videos)
+    for digest, scene in scenes.items():
+        if traces[digest].contacts is None:
+            continue
+        mine = {v.variant: by_name[v.variant] for v in dataset.plan.variants if v.scene.digest == digest}
+        for same, pieces in distinct_events(scene, traces[digest], mine):
+            found += differing(dataset.root, map(layout.events_file, same), pieces)
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
@@ -258,10 +260,10 @@ class _LabelledFrames(Sequence[FrameRecord]):
         return found.st_size if found is not None else 0
 
 
-def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> list[Fault]:
-    """Return the fault of a variant's `tracks.csv` if it differs from that of a Trace."""
-    path = layout.tracks_file(variant.variant)
-    return _pieces_difference(dataset.root, path, tracks_csv(variant.scene, trace))
+def tracks_difference(dataset: Dataset, scene: ScenePlan, trace: Trace) -> list[Fault]:
+    """Return a fault for every variant of a scene whose `tracks.csv` differs from that of a Trace."""
+    names = (variant.variant for variant in dataset.plan.variants if variant.scene.digest == scene.digest)
+    return differing(dataset.root, map(layout.tracks_file, names), tracks_csv(scene, trace))
 
 
 def _entries(root: Path, folders: Collection[str]) -> Iterator[tuple[str, str]]:
@@ -343,20 +345,9 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
 
 def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -> list[Fault]:
     try:
-        return _pieces_difference(root, path, (piece.encode() for piece in make()))
+        return differing(root, [path], (piece.encode() for piece in make()))
     except DAMAGE as error:
         return [(path, f"{path} cannot be generated from the labels: {type(error).__name__}")]
-
-
-def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:
-    """Return the fault of a file that must consist of these pieces, or None."""
-    try:
-        file = open_inside(root, path)
-    except (OSError, ValueError):
-        return [(path, f"{path} is missing or cannot be read")]
-    with file:
-        same = all(file.read(len(piece)) == piece for piece in pieces) and not file.read(1)
-    return [] if same else [(path, f"{path} does not follow from plan, labels and traces")]
 
 
 def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:

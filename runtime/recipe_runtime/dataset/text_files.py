@@ -6,9 +6,12 @@ that each line has the digest that lockfile and manifest contain for the frame.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from recipe_compiler.ir.canonical import canonical_bytes, pretty
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan, SensorPlan
@@ -24,6 +27,7 @@ from recipe_runtime.annotate.records import (
     only_labels,
 )
 from recipe_runtime.core import layout
+from recipe_runtime.core.files import open_inside, sha256_of
 from recipe_runtime.dataset.card import card
 from recipe_runtime.dataset.json_stream import loads
 
@@ -122,3 +126,28 @@ def _seqinfo(video: Video) -> str:
     camera = video.sensor.camera
     pictures = f"../../../{layout.folder(video.variant)}/{layout.folder(video.sensor.name)}/rgb"
     return seqinfo(_sequence(video), pictures, video.fps, video.length, camera.width, camera.height)
+
+
+def differing(root: Path, paths: Iterable[str], pieces: Iterable[bytes]) -> list[tuple[str, str]]:
+    """Return the faults of files that must all consist of these pieces: path and message.
+
+    The pieces are made once, and a file with several names is read once.
+    """
+    size, expected, known = 0, hashlib.sha256(), dict[tuple[int, int], bool]()
+    for piece in pieces:
+        size += len(piece)
+        expected.update(piece)
+    found = []
+    for path in paths:
+        try:
+            with open_inside(root, path) as file:
+                there = os.fstat(file.fileno())
+                key = there.st_dev, there.st_ino
+                if key not in known:
+                    known[key] = there.st_size == size and sha256_of(file) == expected.hexdigest()
+        except (OSError, ValueError):
+            found.append((path, f"{path} is missing or cannot be read"))
+            continue
+        if not known[key]:
+            found.append((path, f"{path} does not follow from plan, labels and traces"))
+    return found

@@ -144,5 +144,5 @@ def scenes_to_simulate(
 
 def tracks_differ(dataset: Dataset, scene: ScenePlan, trace: Trace) -> bool:
     """Return whether a dataset's tracks of a scene, in every variant, differ from those of a Trace."""
-    variants = [variant for variant in dataset.plan.variants if variant.scene.digest == scene.digest]
-    return bool(variants) and all(tracks_difference(dataset, variant, trace) for variant in variants)
+    variants = sum(variant.scene.digest == scene.digest for variant in dataset.plan.variants)
+    return bool(variants) and len(tracks_difference(dataset, scene, trace)) == variants

@@ -18,7 +18,7 @@ from recipe_runtime.annotate.actor_boxes import body_box
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import METRE, UNIT, ContactEvent, Trace
-from recipe_runtime.dataset.events import events_csv
+from recipe_runtime.dataset.events import distinct_events
 from recipe_runtime.dataset.tracks import tracks_csv
 
 from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
@@ -99,7 +99,9 @@ def test_events_of_trace_plan_and_labels() -> None:
     trace = replace(simulate(scene), contacts=contacts)
     positions = trace.positions.copy()
     positions[4:7, 2, 2] = -1000 * METRE
-    found = rows(events_csv(scene, replace(trace, positions=positions), []))
+    ((names, pieces),) = distinct_events(scene, replace(trace, positions=positions), {"noon": [], "dusk": []})
+    assert names == ["noon", "dusk"]
+    found = rows(pieces)
     reported = {kind: [row for row in found if row["event"] == kind] for kind in {row["event"] for row in found}}
     assert sorted(reported) == ["collision", "light", "presence", "walk_light"]
     assert [list(row.values())[1:] for row in reported["collision"]] == [

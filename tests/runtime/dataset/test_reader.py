@@ -80,6 +80,20 @@ def test_a_built_dataset_is_intact(built: Path) -> None:
     assert is_whole(manifest_of(built), PLAN, built)
 
 
+def test_motion_files_are_stored_and_compared_once_for_a_scene(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recipe may have thousands of weathers of one long scene; its motion must not be written for each again."""
+    scenes = {variant.scene.digest for variant in PLAN.variants}
+    for name in ("tracks.csv", "events.csv"):
+        inodes = {path.stat().st_ino for path in built.glob(f"*/{name}")}
+        assert len(scenes) <= len(inodes) < len(PLAN.variants)
+    made, original = list[str](), datasets.tracks_csv
+    monkeypatch.setattr(
+        datasets, "tracks_csv", lambda scene, trace: made.append(scene.digest) or original(scene, trace)
+    )
+    assert differences(built) == []
+    assert sorted(made) == sorted(scenes)
+
+
 @pytest.mark.slow
 def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Labels of all videos must not be in memory at once, or an untrusted dataset could exhaust it."""
