@@ -16,6 +16,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("ir",),
         ("source", "library"),
         ("schema",),
+        ("load",),
         ("expand", "limits"),
         ("compile_guard",),
         ("checks",),

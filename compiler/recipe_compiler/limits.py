@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.ir.plurals import count
+from recipe_compiler.load import Clip as Clip
+from recipe_compiler.load import Load as Load
 
 FRAME_LIMIT = 100_000
 BYTE_LIMIT = 20 * 2**30
@@ -26,16 +28,20 @@ _DEPTH_MOVING = 0.5  # per pixel of depth, if the camera moves
 _FILE_HEAD, _BLOCK = 150, 4096  # header of a file; block size of the file system
 _PLAN_BYTES = (540, 900)  # of a variant's plan: per element of its town, per actor
 _TRACK_BYTES = 260  # per actor and frame
-_LABEL_BYTES = 2700  # per labelled object, in all annotation files together
+_LABEL_BYTES = 900  # per labelled object, in the labels and in each annotation file
 _PREVIEW = (4.0, 900_000, 1_200_000)  # contact sheets: per pixel of a view; limit per view; limit in all
 _TRUTH_BYTES = (800, 1000)  # of a frame's truth of patches: per file, per patch
-_SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that are visible in a frame: mean, maximum
+_EVENT_BYTES = 0.08  # of a variant's events: per element of its town and frame
+_SEEN, _SEEN_AT_MOST, _SEEN_NAMED = 0.1, 0.7, 0.6  # share of the actors that a frame shows; of those with a name
+_SEEN_SMALL, _SEEN_HEIGHT = 75, 0.004  # that share in a small town, times its elements; more per metre of height
 
 # Seconds on one core of an x86 processor of the 2020s. A megasample is a million rendered samples.
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6  # per process
 _LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes: per element and per actor of a scene
 _LOAD_TRIANGLE, _DECODE_TRIANGLE, _DRAW_TRIANGLE = 2e-6, 5e-6, 9e-8  # of props; their meshes; moving camera: per frame
 _WRITE_ELEMENT, _WRITE_ACTOR = 4e-5, 7e-5  # plans of variants: per element and per actor
+_WRITE_FRAME, _WRITE_LABEL = 0.0008, 1e-4  # per frame of a variant, labelled object in an annotation file
+_WRITE_EVENT = 1e-8  # events: per element of a town and frame of a clip
 _SIMULATE_ACTOR, _POSE_ACTOR = 0.012, 0.000075  # per actor; per actor and frame
 _STEP, _STEP_ACTOR, _ROUTE_METRE = 0.00005, 0.0000055, 0.0000011  # per step; per actor and step; of vehicles' routes
 _LOOK = 9e-7  # per look of an agent at a prop
@@ -64,7 +70,7 @@ _MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a mo
 _MEMORY_SHADE = 125  # per sample of a moving camera
 _MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
 _MEMORY_TEXEL, _MEMORY_METRE = 24, 8  # mip levels: an atlas is made, another kept; of vehicles' routes, simulated
-_MEMORY_RECORD = 4000  # per labelled object, in the build's own process
+_MEMORY_RECORD, _MEMORY_ROW = 8500, 4200  # in the build's own process: per labelled object; again in each variant
 
 # Compiling: seconds on the same core, and bytes of memory.
 _PER_ELEMENT = (6.5e-5, 3400)  # per element of each distinct town
@@ -79,52 +85,6 @@ _PER_SENSOR = (7e-5, 6000)  # per sensor of each distinct rig
 _PER_BOX = (1.3e-5, 600)  # per building or wall that shortens an arm of each distinct rig
 _PER_VARIANT = (4e-4, 12_000)
 _PER_CHANGE = (5e-5, 3600)  # per variant and delta merged into its base
-
-
-@dataclass(frozen=True)
-class Clip:
-    """One sensor of one variant: a clip of frames."""
-
-    frames: int
-    pixels: int
-    samples: int  # rendered; more than pixels with lens distortion or supersampling
-    capture: tuple[str, ...]
-    poses: int = 1
-    still: bool = True  # neither in motion nor mounted on an actor
-    bloom: bool = False
-    moments: float = 0.0  # that motion blur averages
-    interval: int = 1  # frames of the clip from one of its own to the next
-    boxes: int = 0  # buildings and walls that shorten its arm
-    history: int = 0  # earlier frames that its arm reads at each frame
-
-
-@dataclass(frozen=True)
-class Load:
-    """The work of one variant. Variants with equal keys share that work."""
-
-    scene: Hashable
-    rig: Hashable
-    appearance: Hashable
-    steps: int  # physics steps
-    actors: int
-    views: tuple[Clip, ...]
-    town: Hashable = None
-    elements: int = 0  # of the town
-    points: int = 0  # of all actors' routes
-    metres: float = 0.0  # of all vehicles' routes
-    changes: int = 0  # merged over the base: axes and draws
-    texels: int = 0  # of all images
-    sequences: bool = False  # whether a patch shows another image in each frame
-    patches: int = 0
-    moving_patches: int = 0  # on actors
-    inserted_patches: int = 0  # into the finished picture
-    charts: int = 0  # colour charts in the place of patches, for each of which a frame is shaded again
-    patch_section: Hashable = None  # equal for variants with the same patches
-    patch_images: int = 0  # of all sequences of images
-    props: int = 0
-    triangles: int = 0  # of all props
-    mesh_triangles: int = 0  # of their distinct meshes
-    looks: float = 0.0  # of agents at props, while they are simulated
 
 
 @dataclass(frozen=True)
@@ -248,12 +208,14 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     looks = {(load.scene, load.rig, load.appearance): load for load in loads}
     alone = _START_BUILD + sum(map(_simulating, scenes.values()))
     alone += sum(load.elements * _WRITE_ELEMENT + load.actors * _WRITE_ACTOR for load in loads)
+    alone += _rows(loads) * _WRITE_LABEL + sum(view.frames for load in loads for view in load.views) * _WRITE_FRAME
+    alone += sum(load.elements * _clip(load) * _WRITE_EVENT for load in observed.values())
     shared = _START_WORKER + sum(map(_loading, scenes.values()))
     shared += sum(_observing(load, view, depth) for load in observed.values() for view in load.views)
     shared += sum(_shading(load, view) for load in loads for view in load.views if "rgb" in view.capture)
     shared += sum(_truth(load, view) for load in loads for view in load.views)
     compile_seconds, compile_bytes = _compiling(loads, list(scenes.values()))
-    main, worker = _memory(observed, looks)
+    main, worker = _memory(observed, looks, sum(_labelled(load, view) for load in loads for view in load.views))
     return Cost(
         variants=len(loads),
         simulations=len(scenes),
@@ -261,7 +223,7 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
         appearances=len(looks),
         frames=sum(view.frames for load in loads for view in load.views),
         images=sum(view.frames * len(view.capture) for load in loads for view in load.views),
-        bytes=_disk(loads, scenes.values(), observed.values(), depth),
+        bytes=_disk(loads, scenes.values(), list(observed.values()), depth),
         minutes=round((alone + shared) / 60, 2),
         minutes_alone=round(alone / 60, 2),
         compile_seconds=round(compile_seconds, 1),
@@ -279,6 +241,18 @@ def _kinds(view: Clip, depth: str) -> list[str]:
 def _clip(load: Load) -> int:
     """The number of frames of a clip, as near as its sensors tell it."""
     return max((view.frames * view.interval for view in load.views), default=0)
+
+
+def _labelled(load: Load, view: Clip) -> float:
+    """The number of labelled objects in the frames of a view."""
+    share = max(_SEEN, _SEEN_SMALL / max(load.elements, 1)) + _SEEN_HEIGHT * max(view.height, 0.0)
+    crowd = min(share, _SEEN_AT_MOST) * (load.actors - load.named)
+    return view.frames * (crowd + _SEEN_NAMED * load.named)
+
+
+def _rows(loads: Iterable[Load]) -> float:
+    """The rows of the annotation files: each labelled object of each variant, again in the file of rgb pictures."""
+    return sum(_labelled(load, v) * (1 + ("rgb" in v.capture)) for load in loads for v in load.views)
 
 
 def _loading(load: Load) -> float:
@@ -338,26 +312,29 @@ def _rate(view: Clip, kind: str) -> float:
     return _DEPTH_MOVING if kind == "depth" and not view.still else _BYTES[kind]
 
 
-def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load], depth: str) -> int:
+def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Sequence[Load], depth: str) -> int:
     """Bytes on disk of a dataset."""
     pictures = [(v, kind) for o in observed for v in o.views for kind in _kinds(v, depth)]
     pictures += [(v, "rgb") for load in loads for v in load.views if "rgb" in v.capture]
     frames = sum(v.frames * _blocks(_FILE_HEAD + v.pixels * _rate(v, kind)) for v, kind in pictures)
-    labelled = sum(view.frames * load.actors * _SEEN for load in loads for view in load.views)
+    labelled = sum(_labelled(o, view) for o in observed for view in o.views) + _rows(loads)
     head, patch = _TRUTH_BYTES
     truth = sum(v.frames * _blocks(head + o.patches * patch) for o in loads if o.patches for v in o.views)
     element, actor = _PLAN_BYTES
     plans = sum(_blocks(load.elements * element + load.actors * actor) for load in loads)
     tracks = sum(_blocks(_clip(s) * s.actors * _TRACK_BYTES) for s in scenes)
+    tracks += sum(_blocks(o.elements * _clip(o) * _EVENT_BYTES) for o in observed)
     rate, most, most_of_all = _PREVIEW
     seen = [min(rate * v.pixels, most) for load in loads for v in load.views if "rgb" in v.capture]
     return frames + truth + plans + tracks + _blocks(labelled * _LABEL_BYTES) + _blocks(min(sum(seen), most_of_all))
 
 
 def _memory(
-    observed: Mapping[tuple[Hashable, Hashable], Load], looks: Iterable[tuple[Hashable, Hashable, Hashable]]
+    observed: Mapping[tuple[Hashable, Hashable], Load],
+    looks: Iterable[tuple[Hashable, Hashable, Hashable]],
+    rows: float,
 ) -> tuple[int, int]:
-    """Bytes of memory of the main process with its simulation, and of one worker."""
+    """Bytes of memory of the main process with its simulation, and of one worker; `rows` of annotations."""
     worker, records, metres = 0, 0.0, 0.0
     appearances = Counter((scene, rig) for scene, rig, _ in looks)
     for key, load in observed.items():
@@ -366,8 +343,9 @@ def _memory(
         process += (_SHADERS + load.texels * _MEMORY_TEXEL) * any("rgb" in view.capture for view in load.views)
         process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
         worker, metres = max(worker, process), max(metres, load.metres)
-        records += sum(view.frames for view in load.views) * load.actors * _SEEN_AT_MOST
-    return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD + metres * _MEMORY_METRE), worker
+        records += sum(_labelled(load, view) for view in load.views)
+    labels = records * _MEMORY_RECORD + rows * _MEMORY_ROW
+    return _MAIN + _SIMULATION + round(labels + metres * _MEMORY_METRE), worker
 
 
 def _sample_bytes(view: Clip, further: int) -> int:

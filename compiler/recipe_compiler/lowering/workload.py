@@ -25,6 +25,7 @@ from recipe_compiler.lowering.asset_files import AssetFile, Corner
 from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.lowering.props import BOARD_TRIANGLES
 from recipe_compiler.lowering.sensors import arms
+from recipe_compiler.schema.camera import Sensor
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Actor
@@ -98,22 +99,6 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
     rig = (id(base.sensors), variant.seed)
     parameters = base.town.model_extra or {}
     elements = towns.elements(base.town.name, parameters)
-    views = tuple(
-        limits.Clip(
-            len(range(0, base.clock.frames, interval_of(s.tick, base.clock.fps))),
-            s.camera.width * s.camera.height,
-            _samples(s.camera, s.camera.supersample),
-            s.capture,
-            base.clock.frames if s.motion != Motion() else 1,
-            s.motion == Motion() and s.mount.on is None,
-            s.camera.bloom_intensity > 0.0,
-            _moments(s.camera, s.camera.width),
-            interval_of(s.tick, base.clock.fps),
-            round(elements * _BOXES) if arms.is_shortened(s) else 0,
-            arms.earlier_frames(s, base.clock.fps),
-        )
-        for s in base.sensors.values()
-    )
     clock = base.clock
     crowds = traffic.counts(base)
     crowd = sum(crowds.values())
@@ -126,7 +111,8 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
         appearance=variant.name,
         steps=math.ceil(seconds * clock.physics),
         actors=len(base.actors) + crowd + base.traffic.parked,
-        views=views,
+        views=_views(base, elements),
+        named=len(base.actors),
         town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
         elements=elements,
         points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
@@ -143,6 +129,27 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
         * sum(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
         looks=_looks(base, assets, crowds, seconds),
         **_triangles(assets.triangles, (prop.asset for prop in base.props.values())),
+    )
+
+
+def _views(base: Base, elements: int) -> tuple[limits.Clip, ...]:
+    """Estimate the clips of all sensors in a town with that many elements."""
+    return tuple(
+        limits.Clip(
+            len(range(0, base.clock.frames, interval_of(s.tick, base.clock.fps))),
+            s.camera.width * s.camera.height,
+            _samples(s.camera, s.camera.supersample),
+            s.capture,
+            base.clock.frames if s.motion != Motion() else 1,
+            s.motion == Motion() and s.mount.on is None,
+            s.camera.bloom_intensity > 0.0,
+            _moments(s.camera, s.camera.width),
+            interval_of(s.tick, base.clock.fps),
+            round(elements * _BOXES) if arms.is_shortened(s) else 0,
+            arms.earlier_frames(s, base.clock.fps),
+            _height(s),
+        )
+        for s in base.sensors.values()
     )
 
 
@@ -167,6 +174,18 @@ def _given_metres(actor: Actor) -> float:
     if not actor.blueprint.startswith("vehicle."):
         return 0.0
     return sum(exact.distance(a.x, a.y, b.x, b.y) for a, b in pairwise(points))
+
+
+def _height(sensor: Sensor) -> float:
+    """The height of the highest point that a sensor may reach, in metres."""
+    at, motion = sensor.mount, sensor.motion
+    points = [] if motion.route is None else motion.route.waypoints((at.x, at.y, at.z))
+    heights = [at.z, *(z for _, _, z in points)]
+    if motion.linear is not None and motion.linear.to.z is not None:
+        heights.append(motion.linear.to.z)
+    if motion.follow is not None:
+        heights.append(motion.follow.height)
+    return max(heights)
 
 
 class _Shutter(Protocol):
@@ -215,6 +234,7 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
             s.interval,
             0 if s.arm is None else len(s.arm.obstacles),
             0 if s.arm is None else history(s.arm.decay),
+            max(pose.z for pose in s.poses),
         )
         for s in plan.rig.sensors
     )
@@ -225,6 +245,7 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
         steps=clock.warmup_steps + clock.frames * clock.steps_per_frame,
         actors=len(plan.scene.actors),
         views=views,
+        named=sum("." not in actor.name for actor in plan.scene.actors),
         elements=len(plan.scene.town.elements),
         metres=plan_bounds.route_metres(plan.scene.actors),
         texels=assets.texels,

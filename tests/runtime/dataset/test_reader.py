@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,18 +18,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import Point, SensorPlan
+from recipe_compiler.ir.plan import Point, ScenePlan, SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.layout import expected_files
+from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.dataset.manifest import is_whole, lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.text_files import instances_of, labels_of
+from recipe_runtime.dataset.tracks import tracks_csv
 
 from tests.runtime import fakes
 
@@ -86,10 +88,13 @@ def test_motion_files_are_stored_and_compared_once_for_a_scene(built: Path, monk
     for name in ("tracks.csv", "events.csv"):
         inodes = {path.stat().st_ino for path in built.glob(f"*/{name}")}
         assert len(scenes) <= len(inodes) < len(PLAN.variants)
-    made, original = list[str](), datasets.tracks_csv
-    monkeypatch.setattr(
-        datasets, "tracks_csv", lambda scene, trace: made.append(scene.digest) or original(scene, trace)
-    )
+    made = list[str]()
+
+    def tracks(scene: ScenePlan, trace: Trace) -> Iterator[bytes]:
+        made.append(scene.digest)
+        return tracks_csv(scene, trace)
+
+    monkeypatch.setattr(datasets, "tracks_csv", tracks)
     assert differences(built) == []
     assert sorted(made) == sorted(scenes)
 
