@@ -15,8 +15,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "recipe_compiler": (
         ("ir",),
         ("source", "library"),
-        ("schema",),
-        ("load",),
+        ("schema", "load"),
         ("expand", "limits"),
         ("compile_guard",),
         ("checks",),
