@@ -62,13 +62,13 @@ _BLOOM, _BLUR, _BLUR_STILL = 0.12, 0.12, 0.024  # per megapixel; megasample and 
 _ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # per megapixel
 _FILE = 0.0007  # per file, whatever its size
 
-# Bytes of memory. A static camera keeps its samples, and their light for each appearance.
+# Bytes of memory. A camera that is at rest, if only for some frames, keeps its samples, and their light for each
+# appearance; one that moves needs nearly as much at its peak.
 _MAIN, _WORKER, _SIMULATION = 150 << 20, 205 << 20, 195 << 20  # per process
 _SHADERS = 165 << 20  # kernels and tables, per process that renders pictures
 _MEMORY_ELEMENT, _MEMORY_ACTOR, _MEMORY_TRIANGLE = 130_000, 1_600_000, 520  # meshes: per element, actor, prop triangle
-_MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a moving camera
-_MEMORY_SHADE = 125  # per sample of a moving camera
-_MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
+_MEMORY_LABELS = 30  # per sample of a view without rgb
+_MEMORY_SHADE, _MEMORY_FURTHER = 300, 40  # per sample of a view with rgb; for each further appearance
 _MEMORY_TEXEL, _MEMORY_METRE = 24, 8  # mip levels: an atlas is made, another kept; of vehicles' routes, simulated
 _MEMORY_RECORD, _MEMORY_ROW = 8500, 4200  # in the build's own process: per labelled object; again in each variant
 
@@ -350,9 +350,7 @@ def _memory(
 
 def _sample_bytes(view: Clip, further: int) -> int:
     """Bytes of a worker's memory per sample of a view; `further` appearances after the first."""
-    if "rgb" not in view.capture:
-        return _MEMORY_LABELS
-    return _MEMORY_STILL + further * _MEMORY_FURTHER if view.still else _MEMORY_SHADE + _MEMORY_LABELS
+    return _MEMORY_SHADE + further * _MEMORY_FURTHER if "rgb" in view.capture else _MEMORY_LABELS
 
 
 def _compiling(loads: Sequence[Load], scenes: Sequence[Load]) -> tuple[float, float]:

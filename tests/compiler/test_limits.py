@@ -417,6 +417,16 @@ def test_earlier_frames_that_an_arm_reads_are_part_of_the_estimate() -> None:
     assert smoothed > 1.5 * plain
 
 
+def test_a_camera_that_may_stop_needs_the_memory_of_a_static_one() -> None:
+    """A car at a red light took 1.8 times its estimate: at rest, the samples are kept as for a static camera."""
+    clip = Clip(12, 480_000, 4_320_000, ("rgb",))
+    still, moving = (
+        total([Load("s", "r", "a", 1, 1, (view,))], "carla").worker_memory
+        for view in (clip, replace(clip, still=False))
+    )
+    assert moving >= still
+
+
 def test_images_are_part_of_the_estimate() -> None:
     load = Load("s", "r", "a", 1, 1, (Clip(100, 100, 100, ("rgb",)),))
     plain, once, again = (total([each], "carla") for each in (
