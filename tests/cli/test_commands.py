@@ -506,6 +506,7 @@ def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path
     dataset = root / "datasets" / "small"
     clean = run_here("verify", "datasets/small", "--integrity", "--nonce", "1", cwd=root)
     assert (clean.returncode, "files hashed, no frame rendered" in clean.stdout) == (0, True)
+    assert "the identity covers pixels and labels, which were not compared" in clean.stdout
     url = f"file://{dataset}"
     again = run_here("verify", url, "--integrity", "--nonce", "1", cwd=root)
     assert again.stdout == clean.stdout.replace("datasets/small", url)

@@ -46,7 +46,7 @@ MAX_BYTES = 1 << 28
 
 @dataclass(frozen=True)
 class Lockfile:
-    """A lockfile's rows. Two that are equal have equal text."""
+    """A lockfile's rows. Two that are equal, and have their variants in equal order, have equal text."""
 
     recipe: str
     source: str  # the recipe's path, from the lockfile's folder
@@ -80,7 +80,8 @@ class Lockfile:
 
     def equals_but_for_tools(self, other: Lockfile) -> bool:
         """Return whether this lockfile is undamaged and differs from the other at most in tool versions."""
-        return self.sealed and replace(self, tools={}) == replace(other, tools={})
+        same = list(self.variants) == list(other.variants)  # their order is part of the identity
+        return same and self.sealed and replace(self, tools={}) == replace(other, tools={})
 
     def equals_but_for_text(self, other: Lockfile) -> bool:
         """As `equals_but_for_tools`, but names and content of the recipe's files may differ too."""

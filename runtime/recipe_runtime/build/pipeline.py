@@ -140,7 +140,8 @@ def _build(
     manifest = read_manifest(out)
     stages.examined = examine(dataset, out, stages.progress) if repair else None
     damage = stages.examined.damage if stages.examined else ()
-    if manifest is not None and not damage and is_whole(manifest, dataset, out):
+    readable = not repair or stages.examined is not None
+    if manifest is not None and readable and not damage and is_whole(manifest, dataset, out):
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)

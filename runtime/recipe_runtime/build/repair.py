@@ -17,7 +17,7 @@ from recipe_runtime.build.output_folder import read_manifest
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest import DAMAGE, is_of, listed_files
-from recipe_runtime.dataset.reader import Dataset, damaged_files, lock_of, recipe_file_of
+from recipe_runtime.dataset.reader import Dataset, check_rows, damaged_files, lock_of, recipe_file_of
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,16 @@ class Examined:
 
 
 def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None:
-    """Hash every file of a dataset; None unless `out` is a dataset built from this plan by these tool versions."""
+    """Hash every file of a dataset.
+
+    None unless `out` is a dataset built from this plan by these tool versions, which can be read and is not too large.
+    """
     manifest = read_manifest(out)
     try:
         if manifest is None or not is_of(manifest, plan):
             return None
         files = listed_files(manifest)
+        check_rows(manifest, files, plan)
         held = Dataset(out, plan, lock_of(manifest), files, str(out), recipe_file_of(manifest, files))
     except DAMAGE:
         return None

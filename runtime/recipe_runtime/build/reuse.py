@@ -25,7 +25,7 @@ from recipe_runtime.build.known_frames import Known
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, regular_file
+from recipe_runtime.core.files import file_sha256, open_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import reader as datasets
@@ -178,10 +178,11 @@ class Reuse:
         assert self.before is not None
         if view.key not in self._seen:
             old, sensor = self._labels[view.key]
-            path = layout.labels_file(old.variant, sensor.name)
-            whole = regular_file(self.before.root, path) is not None
-            body = (self.before.root / path).read_bytes() if whole else b""
-            self._seen = {view.key: body.splitlines(keepends=True)}
+            path, lines = layout.labels_file(old.variant, sensor.name), list[bytes]()
+            with suppress(OSError, ValueError), open_inside(self.before.root, path) as file:
+                while len(lines) < len(view.frames) and (not lines or lines[-1].endswith(b"\n")):
+                    lines.append(file.readline(datasets.MAX_LINE))
+            self._seen = {view.key: lines}
         return self._seen[view.key]
 
 

@@ -131,6 +131,7 @@ class Store:
             for folder in (path.parent.parent, path.parent):
                 make_folder(folder)
             with atomic_file(path) as file:
+                _bar_others(file)
                 file.write(header(kind, key, hasher.hexdigest()))  # placeholder of the same length
                 for piece in [body] if isinstance(body, bytes) else body:
                     hasher.update(piece)
@@ -211,6 +212,14 @@ def _equal_motion(one: Trace, other: Trace) -> bool:
 def _is_own(found: os.stat_result) -> bool:
     """Return whether no other user can have written a file: anyone can compute the digest of an entry."""
     return found.st_uid in (os.geteuid(), 0) and not found.st_mode & stat.S_IWOTH
+
+
+def _bar_others(file: BinaryIO) -> None:
+    """Let other users not write a new entry, which would count as absent (`_is_own`): the umask may allow it."""
+    mode = os.fstat(file.fileno()).st_mode
+    if mode & stat.S_IWOTH:
+        with suppress(OSError):  # a file system without modes
+            os.fchmod(file.fileno(), stat.S_IMODE(mode) & ~stat.S_IWOTH)
 
 
 def header(kind: str, key: str, sha256: str) -> bytes:

@@ -36,7 +36,7 @@ from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, d
 from recipe_runtime.dataset.tracks import tracks_csv
 
 _MAX_NAMES = 2000  # entries of a folder that are searched for a dataset
-_MAX_LINE = 16 * 2**20  # limit of one frame's labels, bytes
+MAX_LINE = 16 * 2**20  # limit of one frame's labels, bytes
 _MAX_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
 
 Fault = tuple[str, str]  # path of a file, and a message of one line that names it
@@ -72,7 +72,7 @@ def read(root: Path, name: str = "") -> Dataset:
         plan = _plan(root, manifest, files)
         check_plan(plan)
         check_bounds(plan)
-        _check_rows(manifest, files, plan)
+        check_rows(manifest, files, plan)
         lock = lock_of(manifest)
         recipe_file = recipe_file_of(manifest, files)
     except manifest_reader.NotAManifestError:
@@ -121,7 +121,7 @@ def _nearest_dataset(root: Path) -> str | None:
     return f"did you mean {found[0]}?" if found else None
 
 
-def _check_rows(manifest: Manifest, files: Mapping[str, tuple[int, str]], plan: DatasetPlan) -> None:
+def check_rows(manifest: Manifest, files: Mapping[str, tuple[int, str]], plan: DatasetPlan) -> None:
     """Check that a manifest has the sensors of its plan, and not far more rows and bytes than the plan requires.
 
     Few surplus rows, and missing ones, are reported singly. Every byte is hashed, and a sparse file has any number.
@@ -335,7 +335,7 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
         for number, frame in enumerate(sensor.frames(variant.scene.clock.frames), start=1):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                found = labels_of(lines.readline(_MAX_LINE), frame, value, sensor, actors)
+                found = labels_of(lines.readline(MAX_LINE), frame, value, sensor, actors)
             except DAMAGE as error:
                 raise ValueError(f"line {number}: {error}") from None
             yield found

@@ -29,6 +29,7 @@ _FRAME = (33, 36, 42)  # around a picture of another shape than the first
 _INK = (236, 238, 241)
 _CAPTION_INK = (196, 200, 207)
 _MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
+_BROKEN = (OSError, SyntaxError, ValueError, EOFError, zlib.error, struct.error, Image.DecompressionBombError)
 _MAX_CELLS = 96  # most cells on one sheet
 # Colours that are distinguishable for colour-blind people (Okabe and Ito, 2008), by track.
 _HUES = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (204, 121, 167))
@@ -75,7 +76,7 @@ def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
         for name, (row, column) in zip(names, places, strict=True)
         for n, video in enumerate(cameras[name][:most])
     ]
-    return _sheet(title, cells, lambda cell, size: _scaled(_read(picture(cell.video, cell.frame)), size))
+    return _sheet(title, cells, lambda cell, size: _scaled(_read(cell, picture), size))
 
 
 def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
@@ -86,7 +87,7 @@ def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
             seen.setdefault(_label_of(video), video)
     shown = _thin(list(seen.values()), _MAX_CELLS)
     cells = [Cell(v.name, n // 3, n % 3, v, _middle(v)) for n, v in enumerate(shown)]
-    return _sheet(title, cells, lambda cell, size: _overlay(_read(picture(cell.video, cell.frame)), cell, size))
+    return _sheet(title, cells, lambda cell, size: _overlay(_read(cell, picture), cell, size))
 
 
 def _label_of(video: Video) -> str:
@@ -175,12 +176,21 @@ def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width
     pen.text(corner, shown, fill=_CAPTION_INK, font=font)
 
 
-def _read(path: Path) -> Image.Image:
+def _read(cell: Cell, picture: Picture) -> Image.Image:
+    """Return the picture of a cell. `build --repair` takes over pictures that anyone may have written."""
+    path, camera = picture(cell.video, cell.frame), cell.video.sensor.camera
     try:
-        with Image.open(path) as picture:
-            colour: Image.Image = picture.convert("RGB")
-    except (OSError, SyntaxError, ValueError, EOFError, zlib.error, struct.error) as error:
-        raise RunError(f"{path} was written and cannot be read back ({error}); build again") from error
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its size is checked before it is decoded
+            with Image.open(path, formats=("PNG",)) as image:
+                if image.size != (camera.width, camera.height):
+                    raise ValueError(f"it has {image.width} x {image.height} pixels")
+                colour: Image.Image = image.convert("RGB")
+    except _BROKEN as error:
+        raise RunError(
+            f"{path} is not the picture of its camera ({error})",
+            help="move the dataset away, and build it again",
+        ) from error
     return colour
 
 

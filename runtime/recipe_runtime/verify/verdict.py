@@ -104,7 +104,8 @@ class Report:
     def extent(self) -> str:
         """How much was compared, and what it proves; the bound is stated only if nothing differs."""
         if self.files is not None:
-            return f"{count(self.files, 'file')} hashed, no frame rendered"
+            hashed = f"{count(self.files, 'file')} hashed, no frame rendered"
+            return f"{hashed}; the identity covers pixels and labels, which were not compared with the files"
         resumed = f"; {self.resumed:,} were rendered by the run that was stopped" if self.resumed else ""
         if self.verdict == "PASS":
             return f"{self.bound}{resumed}"

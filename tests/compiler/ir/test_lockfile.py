@@ -43,6 +43,14 @@ def test_a_file_with_equal_rows_is_not_rewritten(tmp_path: Path) -> None:
     assert replace(LOCK, plan=B).write(path)
 
 
+def test_a_file_with_other_order_of_variants_is_rewritten(tmp_path: Path) -> None:
+    """The identity covers the order. `recipe lock` called such a file up to date, and --update did not repair it."""
+    path, other = tmp_path / "x.lock", replace(LOCK, variants=dict(reversed(LOCK.variants.items())))
+    assert other.write(path) and other.identity != LOCK.identity
+    assert not lockfile.read(path).equals_but_for_text(LOCK)
+    assert LOCK.write(path) and lockfile.read(path).identity == LOCK.identity
+
+
 def test_a_flipped_digit_breaks_the_seal() -> None:
     text = LOCK.dumps()
     places = [i for i, c in enumerate(text) if c in "abcd0" and i > 20]

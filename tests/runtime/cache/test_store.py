@@ -92,6 +92,16 @@ def test_an_entry_that_another_user_could_have_written_is_not_used(
     assert store.get("traces", KEY) == b"body"
 
 
+def test_an_entry_is_used_whatever_the_umask(tmp_path: Path) -> None:
+    """Containers may set umask 000, and an entry that others may write counts as absent."""
+    before = os.umask(0)
+    try:
+        Store(tmp_path).put("traces", KEY, b"body")
+    finally:
+        os.umask(before)
+    assert Store(tmp_path).get("traces", KEY) == b"body"
+
+
 def test_the_store_accepts_only_its_own_kinds(tmp_path: Path) -> None:
     """Pruning uses the list of kinds, so an entry of another kind would never be removed."""
     with pytest.raises(ValueError, match="no kind 'things'"):

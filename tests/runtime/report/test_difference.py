@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -107,8 +108,30 @@ def test_a_picture_that_cannot_be_read_back_is_an_error(tmp_path: Path) -> None:
     record: FrameRecord = {**NO_LABELS, "digests": {"labels": ""}, "rgb": {}, "files": {}}
     video = Video("a", "", sensor_plan(), 10, (record,))
     for sheet in (contact_sheet, overlay_sheet):
-        with pytest.raises(RunError, match=r"000000.png was written and cannot be read back"):
+        with pytest.raises(RunError, match=r"000000.png is not the picture of its camera"):
             sheet("tiny", [video], lambda video, frame: broken)
+
+
+@pytest.mark.parametrize("side", [2_000, 20_000])
+def test_a_picture_of_another_size_or_format_is_not_decoded(tmp_path: Path, side: int) -> None:
+    """A repair draws sheets from a stranger's pictures: one of 13,000 x 13,000 pixels took 4 GB."""
+    large, other = tmp_path / "large.png", tmp_path / "other.png"
+    header = struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)
+    large.write_bytes(b"\x89PNG\r\n\x1a\n" + _chunk(b"IHDR", header) + _chunk(b"IDAT", zlib.compress(b"")))
+    Image.fromarray(PIXELS).save(other, "BMP")
+    record: FrameRecord = {**NO_LABELS, "digests": {"labels": ""}, "rgb": {}, "files": {}}
+    video = Video("a", "", sensor_plan(), 10, (record,))
+    for path, reason in ((large, rf"{side} x {side} pixels|decompression bomb"), (other, "cannot identify image")):
+        with pytest.raises(RunError, match=rf"{path.name} is not the picture of its camera .*({reason})"):
+            contact_sheet("tiny", [video], _always(path))
+
+
+def _always(path: Path) -> Callable[[Video, int], Path]:
+    return lambda video, frame: path
+
+
+def _chunk(kind: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
 
 def _npz() -> bytes:
