@@ -9,7 +9,7 @@ from pathlib import Path
 from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import is_folder, remove_tree
+from recipe_runtime.core.files import entries_below, is_folder, remove_tree
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
@@ -57,7 +57,7 @@ def check_files(folder: Path, name: Path) -> None:
         known = {layout.MANIFEST, *listed_files(manifest)}
     except ValueError:
         known = {layout.MANIFEST}  # damaged: no other file here is then known to belong to the dataset
-    found = (p.relative_to(folder).as_posix() for p in sorted(folder.rglob("*")) if p.is_symlink() or not p.is_dir())
+    found = (p.relative_to(folder).as_posix() for p in entries_below(folder) if p.is_symlink() or not p.is_dir())
     foreign = [path for path in found if path not in known]
     if foreign:
         raise InputError(

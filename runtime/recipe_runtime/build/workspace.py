@@ -34,6 +34,7 @@ from recipe_runtime.build.journal import FolderJournal
 from recipe_runtime.build.output_folder import check_files, read_manifest, remove_dataset
 from recipe_runtime.core.files import (
     atomic_file,
+    entries_below,
     file_sha256,
     host_errors,
     is_folder,
@@ -258,7 +259,7 @@ class Workspace:
             while folder and folder not in folders:
                 folders.add(folder)
                 folder = folder.rpartition("/")[0]
-        for found in sorted(self.dataset.rglob("*"), reverse=True):  # the content of a folder before the folder
+        for found in reversed(entries_below(self.dataset)):  # the content of a folder before the folder
             name = found.relative_to(self.dataset).as_posix()
             if not is_folder(found):
                 if name not in files:
@@ -271,7 +272,7 @@ class Workspace:
         for folder in (self.dataset, self._shards.folder):
             if folder.is_symlink():
                 folder.unlink()
-            for path in sorted(folder.rglob("*")):
+            for path in entries_below(folder):
                 if path.is_symlink():
                     path.unlink()
 

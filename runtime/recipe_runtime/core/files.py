@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from recipe_compiler.ir.bounded_reads import open_regular
-from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.errors import Code, InputError, RunError
 
 _NO_HARD_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
 _MAX_START = 200  # bytes of a file's name in that of its temporary file, which may have 255
@@ -114,12 +114,30 @@ def open_folder(path: Path) -> int:
     return os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
 
 
+def entries_below(folder: Path) -> list[Path]:
+    """Return all files, links and folders below a folder, sorted; InputError if folders are nested too deeply."""
+    with _limited_nesting(folder):
+        return sorted(folder.rglob("*"))
+
+
 def remove_tree(path: Path) -> None:
-    """Delete a folder with its files, or a symbolic link itself."""
+    """Delete a folder with its files, or a symbolic link itself; InputError if folders are nested too deeply."""
     if is_folder(path):
-        shutil.rmtree(path)
+        with _limited_nesting(path):
+            shutil.rmtree(path)
     else:
         path.unlink()
+
+
+@contextmanager
+def _limited_nesting(folder: Path) -> Iterator[None]:
+    """Report folders that are nested deeper than Python's libraries can follow; some KB of an archive hold them."""
+    try:
+        yield
+    except RecursionError:
+        raise InputError(
+            f"{folder}: its folders are nested too deeply", help="remove it", code=Code.OUTPUT_IN_THE_WAY
+        ) from None
 
 
 def stamp_of(found: os.stat_result) -> str:

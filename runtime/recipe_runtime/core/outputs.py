@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
 import stat
@@ -12,19 +13,24 @@ from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.core.files import write_atomic
 
+_DEVICES = ("/dev/", "/proc/")  # /dev/stdout leads to a descriptor in /proc
+
 
 def check_output(path: Path, *, replace: bool = False, help: str = "choose another file, or replace it") -> None:
     """Raise InputError, with the remedy `help`, if a file exists at `path`, unless `replace`; called before the work.
 
-    A device or a pipe is not a file: writing to it loses nothing. A file is not replaced through a symbolic link, which
-    may have come with the folder.
+    A pipe, or a device in /dev such as /dev/stdout, is not a file: writing to it loses nothing. Symbolic links and
+    devices elsewhere may have come with the folder, and lead to other files or to a disk.
     """
-    if path.is_symlink() and (path.is_file() or not path.exists()):
+    in_dev = os.path.normpath(path.absolute()).startswith(_DEVICES)
+    if path.is_symlink() and (path.is_file() or not path.exists() or not in_dev):
         raise InputError(
             f"{path} is a symbolic link, and files are not written through one",
             help="remove the link, or name the file that it leads to",
             code=Code.OUTPUT_IN_THE_WAY,
         )
+    if path.is_block_device() or (path.is_char_device() and not in_dev):
+        raise InputError(f"{path} is a device", help="choose another file", code=Code.OUTPUT_IN_THE_WAY)
     if replace or not os.path.lexists(path):
         return
     if path.is_file():
@@ -36,17 +42,34 @@ def check_output(path: Path, *, replace: bool = False, help: str = "choose anoth
 
 
 def write_output(path: Path, body: bytes, *, replace: bool = False) -> None:
-    """Write a file atomically. A link to a device or a pipe is followed; one to a file is refused.
+    """Write a file atomically, or write to a pipe or a device.
 
     Raises:
-        InputError: A file exists there, and `replace` is false; or a link to a file.
+        InputError: `check_output` refuses the path, or it is a pipe that no program reads.
         OSError: the host cannot write it.
     """
     check_output(path, replace=replace)
     if path.exists() and not path.is_file():
-        path.write_bytes(body)
+        _write_to_stream(path, body)
     else:
         write_atomic(path.resolve(), body)
+
+
+def _write_to_stream(path: Path, body: bytes) -> None:
+    """Write to a pipe or a device, without waiting for a program to open the pipe."""
+    try:
+        handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno != errno.ENXIO or not path.is_fifo():
+            raise
+        raise InputError(
+            f"{path} is a pipe that no program reads",
+            help="remove it, or choose another file",
+            code=Code.OUTPUT_IN_THE_WAY,
+        ) from None
+    os.set_blocking(handle, True)
+    with os.fdopen(handle, "wb") as file:
+        file.write(body)
 
 
 def unused_names(outputs: Callable[[str], Mapping[Path, bytes]]) -> Mapping[Path, bytes]:

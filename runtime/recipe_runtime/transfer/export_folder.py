@@ -10,12 +10,12 @@ import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
-from recipe_runtime.core.files import has_content, is_folder, open_folder, read_inside, regular_file
+from recipe_runtime.core.files import has_content, is_folder, open_folder, read_inside, regular_file, remove_tree
 from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.limits import byte_count
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
@@ -67,7 +67,8 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
             yield work
         finally:
             if _is_at(handle, work):  # else it was published, and a folder there is the next export's
-                shutil.rmtree(work, ignore_errors=True)
+                with suppress(RecursionError):  # from folders nested deeply, which no export makes
+                    shutil.rmtree(work, ignore_errors=True)
 
 
 def publish(work: Path, out: Path, is_replaceable: Callable[[Path], bool] | None) -> None:
@@ -156,7 +157,7 @@ def holds_files(out: Path, rows: Iterable[tuple[str, int, str]], dataset: Datase
 def remove(path: Path) -> None:
     """Remove a file, a link or a folder with its content; links are not followed."""
     if is_folder(path):
-        shutil.rmtree(path)
+        remove_tree(path)
     else:
         path.unlink(missing_ok=True)
 
@@ -190,7 +191,7 @@ def _settle(aside: Path, out: Path) -> None:
         if not os.path.lexists(out):
             (aside / _REPLACED).rename(out)
         else:
-            shutil.rmtree(aside / _REPLACED)
+            remove(aside / _REPLACED)
     (aside / MARKER).unlink(missing_ok=True)
     aside.rmdir()
 

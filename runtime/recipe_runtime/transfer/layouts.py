@@ -24,7 +24,7 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_runtime.annotate import kitti
 from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import host_errors, is_folder
+from recipe_runtime.core.files import entries_below, host_errors, is_folder
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
@@ -190,7 +190,7 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
 
 def _has_only(folder: Path, index: LayoutIndex) -> bool:
     """Return whether a folder contains exactly the files of an index, besides folders."""
-    found = {p.relative_to(folder).as_posix() for p in sorted(folder.rglob("*")) if not is_folder(p)}
+    found = {p.relative_to(folder).as_posix() for p in entries_below(folder) if not is_folder(p)}
     return found == {INDEX, *index["files"]}
 
 

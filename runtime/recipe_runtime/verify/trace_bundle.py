@@ -26,7 +26,8 @@ from recipe_runtime.core.trace import Trace
 SUFFIX = ".traces"
 MAX_BYTES = 1 << 30  # limit of the file, and of a Trace
 _HEAD = b"recipe-traces 1\n"
-_MAX_HEADER, _MAX_POSE = 1 << 20, 1 << 13  # bytes of a Trace: of its names, and of an actor in a frame
+# Bytes of a Trace: of its header, and for each actor of the names of its parts, and of a frame.
+_MAX_HEADER, _MAX_NAMES, _MAX_POSE = 1 << 20, 1 << 13, 1 << 10
 _MAX_LINE = 400
 _PIECE = 1 << 16
 
@@ -126,7 +127,7 @@ def size_limits(plan: DatasetPlan) -> dict[str, int]:
     """Return the maximal size in bytes of each scene's Trace."""
     scenes = {variant.scene.digest: variant.scene for variant in plan.variants}
     return {
-        digest: min(MAX_BYTES, _MAX_HEADER + _MAX_POSE * scene.clock.frames * len(scene.actors))
+        digest: min(MAX_BYTES, _MAX_HEADER + len(scene.actors) * (_MAX_NAMES + _MAX_POSE * scene.clock.frames))
         for digest, scene in scenes.items()
     }
 

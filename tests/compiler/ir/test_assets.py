@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import time
+import tracemalloc
 import zlib
 from pathlib import Path
 from typing import Any
@@ -210,6 +211,12 @@ def _shown_often() -> bytes:
     return glb(declared, body)
 
 
+def _many_chunks() -> bytes:
+    """Return a GLB with 2,000 empty chunks, each of another type."""
+    body = glb()[12:] + b"".join(struct.pack("<II", 0, 1 << 31 | n) for n in range(2000))
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
 BROKEN: dict[str, tuple[str, bytes, str]] = {
     "a cut STL": ("stl", stl()[:-7], "its header states 4 triangles (284 bytes), but it has 277 bytes"),
     "an STL that boasts": ("stl", stl(declared=2**32 - 1), "4294967295 triangles"),
@@ -261,6 +268,7 @@ BROKEN: dict[str, tuple[str, bytes, str]] = {
     "many parts": ("glb", _glb(nodes=[{"children": list(range(1, 10_000))}, *[{"mesh": 0}] * 9_999],
                                meshes=[{"primitives": [{"attributes": {"POSITION": 0}}] * 12}]),
                    "119988 parts exceed the limit"),
+    "many chunks": ("glb", _many_chunks(), "has more than 1,000 chunks"),
     "an image shown often": ("glb", _shown_often(), "are parts of each other; export it with each image once"),
     "a giant polygon": ("obj", obj() + b"f " + b"1 2 3 " * 170_000 + b"\n", "510002 triangles exceed the limit"),
     "a giant line": ("obj", obj() + b"f " + b"1 2 3 " * 200_000 + b"\n", "line 9 is longer than 1 MiB"),
@@ -279,6 +287,24 @@ def test_broken_or_hostile_mesh_is_refused(name: str) -> None:
     assert words in str(caught.value)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 200
     assert time.process_time() - started < 2.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "most"),
+    [
+        ("obj", b"v 0 0 1\n" * 40_000 + b"vt 0 1\n" * 40_000 + b"vn 0 0 1\n" * 40_000 + b"f 1 1 1\n", 12e6),
+        ("stl", b"solid a\n" + b"vertex 0 0 0\n" * 40_000, 3e6),
+    ],
+)
+def test_lines_of_no_face_take_little_memory(kind: str, content: bytes, most: float) -> None:
+    """Regression: an OBJ of 30 MB took 800 MB, of which the estimate, by the number of triangles, knew nothing."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(AssetError):
+            mesh(content, kind, "y")
+        assert tracemalloc.get_traced_memory()[1] < most
+    finally:
+        tracemalloc.stop()
 
 
 def _header(width: int, height: int, depth: int = 8, colour: int = 2) -> bytes:

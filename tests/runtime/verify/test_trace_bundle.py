@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.errors import InputError
-from recipe_runtime.core.trace import Trace
+from recipe_compiler.library import blueprints
+from recipe_runtime.body.skeleton import part_names
+from recipe_runtime.core.trace import Trace, TraceWriter
 from recipe_runtime.verify import trace_bundle
 
 from tests.runtime.fakes import dataset_plan, scene_plan, simulate
@@ -112,3 +115,13 @@ def test_a_scene_has_one_trace_of_bounded_size(tmp_path: Path) -> None:
     limits = trace_bundle.size_limits(plan)
     assert limits.keys() == {variant.scene.digest for variant in plan.variants}
     assert all(len(simulate(v.scene).to_bytes()) < limits[v.scene.digest] < 2 << 20 for v in plan.variants)
+
+
+def test_the_limit_of_a_trace_has_room_for_the_parts_of_each_actor() -> None:
+    """The limit is close: from a file of traces, several times the motion of a scene would be unpacked to the disk."""
+    for blueprint in blueprints.match("*"):
+        actor = blueprints.specimen(blueprint)[0]
+        parts = part_names(actor.shape)
+        with closing(TraceWriter([actor.name], parts, 1)) as writer:
+            size = writer.frame_size
+        assert size < trace_bundle._MAX_POSE <= 1024, blueprint

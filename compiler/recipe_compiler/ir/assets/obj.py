@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -38,10 +39,26 @@ class _Group:
 
 
 @dataclass
+class _Column:
+    """Rows of numbers, one after the other: a list of lists would take eight times the memory."""
+
+    width: int
+    numbers: array[float] = field(default_factory=lambda: array("d"))
+
+    def __len__(self) -> int:
+        """The number of rows."""
+        return len(self.numbers) // self.width
+
+    def rows(self) -> Floats:
+        """The rows as an array [N, width]."""
+        return np.array(self.numbers, np.float64).reshape(-1, self.width)
+
+
+@dataclass
 class _Reader:
-    points: list[list[float]] = field(default_factory=list)
-    uvs: list[list[float]] = field(default_factory=list)
-    normals: list[list[float]] = field(default_factory=list)
+    points: _Column = field(default_factory=lambda: _Column(3))
+    uvs: _Column = field(default_factory=lambda: _Column(2))
+    normals: _Column = field(default_factory=lambda: _Column(3))
     groups: dict[str, _Group] = field(default_factory=dict)
     slot: str = SLOT
     count: int = 0
@@ -50,11 +67,11 @@ class _Reader:
         """Parse one line."""
         word = words[0]
         if word == b"v":
-            self._numbers(self.points, words, 3)
+            self._numbers(self.points, words)
         elif word == b"vt":
-            self._numbers(self.uvs, words, 2)
+            self._numbers(self.uvs, words)
         elif word == b"vn":
-            self._numbers(self.normals, words, 3)
+            self._numbers(self.normals, words)
         elif word == b"f":
             self._face(words[1:])
         elif word == b"usemtl":
@@ -65,12 +82,12 @@ class _Reader:
             shown = word[:20].decode("ascii", "replace")
             raise AssetError(f"{shown!r} is not part of a plain triangle mesh; export it as plain faces")
 
-    def _numbers(self, column: list[list[float]], words: Sequence[bytes], least: int) -> None:
-        if len(words) - 1 < least:
-            raise AssetError(f"{len(words) - 1} numbers instead of {least}; export it again")
+    def _numbers(self, column: _Column, words: Sequence[bytes]) -> None:
+        if len(words) - 1 < column.width:
+            raise AssetError(f"{len(words) - 1} numbers instead of {column.width}; export it again")
         if len(column) >= MAX_VERTICES:
             check_count(len(column) + 1, "vertices", MAX_VERTICES)
-        column.append([number(w) for w in words[1 : 1 + least]])
+        column.numbers.extend([number(w) for w in words[1 : 1 + column.width]])
 
     def _corner(self, word: bytes) -> Corner:
         cells = word.split(b"/")
@@ -113,7 +130,7 @@ def read(content: bytes) -> list[Raw]:
                 reader.line(words)
             except AssetError as error:
                 raise AssetError(f"line {at}: {error}") from None
-    columns = [np.array(c, np.float64) for c in (reader.points, reader.uvs, reader.normals)]
+    columns = [column.rows() for column in (reader.points, reader.uvs, reader.normals)]
     return [_raw(columns, slot, group) for slot, group in reader.groups.items()]
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from array import array
 
 import numpy as np
 
@@ -36,10 +38,14 @@ def _text(content: bytes) -> Floats:
     lower = content.lower()
     count = lower.count(b"endfacet")
     check_count(count, "triangles", MAX_TRIANGLES)
-    rows = _VERTEX.findall(lower)
-    if len(rows) != 3 * count or b"endsolid" not in lower:
-        raise AssetError(f"is truncated or damaged: {len(rows)} corners for {count} triangles; export it again")
-    return np.array([number(word) for row in rows for word in row], np.float64).reshape(-1, 3)
+    numbers = array("d")
+    for row in itertools.islice(_VERTEX.finditer(lower), 3 * count + 1):
+        numbers.extend([number(word) for word in row.groups()])
+    if len(numbers) != 9 * count or b"endsolid" not in lower:
+        raise AssetError(
+            f"is truncated or damaged: it has not three corners for each of {count} triangles; export it again"
+        )
+    return np.array(numbers, np.float64).reshape(-1, 3)
 
 
 def number(word: bytes) -> float:
