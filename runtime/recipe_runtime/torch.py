@@ -201,9 +201,14 @@ class SceneView(torch.nn.Module):
         if unknown:
             raise InputError(f"there is no variant {unknown[0]!r}; the variants are {', '.join(self._scenarios)}")
         for variant in dict.fromkeys(variant for variant, _ in self.frames):
+            self._scenarios[variant].modalities(sensor)  # InputError if there is no such sensor
             differentiable_patch(self._scenarios[variant].plan.appearance.patches, patch)
         self._views: OrderedDict[tuple[Place, tuple[int, int]], View] = OrderedDict()
         self._targets: dict[Place, dict[str, torch.Tensor]] = {}
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a copy consists of: it renders its own frames, which are too large to copy."""
+        return {**self.__dict__, "_views": OrderedDict()}
 
     def forward(
         self, texture: torch.Tensor, batch: int | None = None, step: int = 0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -54,6 +56,21 @@ def test_batches_follow_each_other(view: Any) -> None:
     assert torch.equal(view(texture, batch=2, step=0)[0], whole[[0, 1]])
     assert torch.equal(view(texture, batch=2, step=1)[0], whole[[2, 0]])
     assert torch.equal(view.pictures(texture, batch=1, step=5), whole[[2]])
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda view: pickle.loads(pickle.dumps(view))])
+def test_a_used_view_can_be_copied_and_saved(view: Any, copied: Any) -> None:
+    """Models are copied for averages of weights, and stored with `torch.save`, after the first step too."""
+    texture = texture_of(SECOND)
+    whole = view.pictures(texture)
+    assert torch.equal(copied(view).pictures(texture), whole)
+
+
+def test_an_unknown_sensor_is_an_error_when_the_view_is_made(recipe: Path) -> None:
+    from recipe_runtime.torch import SceneView
+
+    with pytest.raises(InputError, match="no sensor 'roof'"):
+        SceneView(recipe, "poster", PLACES, sensor="roof")
 
 
 def test_the_gradient_is_that_of_the_views(view: Any, recipe: Path) -> None:
