@@ -51,4 +51,5 @@ class Load:
     props: int = 0
     triangles: int = 0  # of all props
     mesh_triangles: int = 0  # of their distinct meshes
+    mesh_text: int = 0  # bytes of those that are text
     looks: float = 0.0  # of agents at props, while they are simulated

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from recipe_compiler import limits
 from recipe_compiler.expand import Variant
@@ -36,20 +36,27 @@ _MOTION, _MAX_MOMENTS = 0.5, 96.0  # of a picture, widths per second; of motion 
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
 
+class MeshSize(NamedTuple):
+    """The size of a mesh."""
+
+    triangles: int = 0
+    text: int = 0  # bytes of an OBJ file, each of which takes time, also in empty lines
+
+
 @dataclass(frozen=True)
 class AssetSizes:
     """The sizes of a recipe's assets, which plans do not have.
 
     Attributes:
         texels: of all images.
-        triangles: of each mesh, by its name in the recipe.
-        triangles_of_file: of each mesh, by the SHA-256 of its file.
+        meshes: the size of each mesh, by its name in the recipe.
+        files: the size of each mesh, by the SHA-256 of its file.
         boxes: the minimum and maximum corner of each mesh, in the unit of its file, by its name.
     """
 
     texels: int = 0
-    triangles: Mapping[str, int] = field(default_factory=dict)
-    triangles_of_file: Mapping[str, int] = field(default_factory=dict)
+    meshes: Mapping[str, MeshSize] = field(default_factory=dict)
+    files: Mapping[str, MeshSize] = field(default_factory=dict)
     boxes: Mapping[str, tuple[Corner, Corner]] = field(default_factory=dict)
 
 
@@ -58,27 +65,32 @@ def sizes_of(assets: Mapping[str, AssetFile]) -> AssetSizes:
     meshes = {name: asset for name, asset in assets.items() if asset.triangles}
     return AssetSizes(
         texels=sum(asset.pixels[0] * asset.pixels[1] for asset in assets.values()),
-        triangles={name: asset.triangles for name, asset in meshes.items()},
-        triangles_of_file={asset.file.sha256: asset.triangles for asset in meshes.values()},
+        meshes={name: _mesh_size(asset) for name, asset in meshes.items()},
+        files={asset.file.sha256: _mesh_size(asset) for asset in meshes.values()},
         boxes={name: (asset.low, asset.high) for name, asset in meshes.items()},
     )
 
 
-def _triangles(of_mesh: Mapping[str, int], meshes: Iterable[str | None]) -> dict[str, int]:
-    """Return the triangles of all props and of their distinct meshes, as arguments of `limits.Load`.
+def _mesh_size(asset: AssetFile) -> MeshSize:
+    return MeshSize(asset.triangles, asset.file.bytes if asset.path.lower().endswith(".obj") else 0)
+
+
+def _triangles(sizes: Mapping[str, MeshSize], meshes: Iterable[str | None]) -> dict[str, int]:
+    """Return the sizes of all props and of their distinct meshes, as arguments of `limits.Load`.
 
     Args:
-        of_mesh: the triangles of each mesh.
+        sizes: the size of each mesh.
         meshes: the mesh of each prop; None for a board.
     """
     used = Counter(meshes)
-    all_props = sum(
-        number * (BOARD_TRIANGLES if mesh is None else of_mesh.get(mesh, 0)) for mesh, number in used.items()
-    )
+    distinct = {mesh: sizes.get(mesh, MeshSize()) for mesh in used if mesh is not None}
     return {
         "props": used.total(),
-        "triangles": all_props,
-        "mesh_triangles": sum(of_mesh.get(mesh, 0) for mesh in used if mesh is not None),
+        "triangles": sum(
+            n * (BOARD_TRIANGLES if mesh is None else distinct[mesh].triangles) for mesh, n in used.items()
+        ),
+        "mesh_triangles": sum(mesh.triangles for mesh in distinct.values()),
+        "mesh_text": sum(mesh.text for mesh in distinct.values()),
     }
 
 
@@ -128,7 +140,7 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
         patch_images=clock.frames
         * sum(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
         looks=_looks(base, assets, crowds, seconds),
-        **_triangles(assets.triangles, (prop.asset for prop in base.props.values())),
+        **_triangles(assets.meshes, (prop.asset for prop in base.props.values())),
     )
 
 
@@ -255,7 +267,7 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
         inserted_patches=sum(patch.inserted for patch in patches),
         charts=sum(patch.transfer in WITH_CHART for patch in patches),
         looks=_looks_of(plan),
-        **_triangles(assets.triangles_of_file, (p.mesh.sha256 if p.mesh else None for p in plan.scene.props)),
+        **_triangles(assets.files, (p.mesh.sha256 if p.mesh else None for p in plan.scene.props)),
     )
 
 
