@@ -278,7 +278,7 @@ def test_a_user_without_a_home_folder_is_an_error(monkeypatch: pytest.MonkeyPatc
         default_cache()
 
 
-@pytest.mark.parametrize("name", ["n" * 255, "\N{SNOWMAN}" * 85])
+@pytest.mark.parametrize("name", ["n" * 255, "\N{SNOWMAN}" * 85], ids=["ASCII", "UTF-8"])
 def test_the_longest_name_of_a_file_can_be_written(tmp_path: Path, name: str) -> None:
     write_atomic(tmp_path / name, b"body")
     assert (tmp_path / name).read_bytes() == b"body"
