@@ -39,7 +39,7 @@ _SEEN_SMALL, _SEEN_HEIGHT = 75, 0.004  # that share in a small town, times its e
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6  # per process
 _LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes: per element and per actor of a scene
 _LOAD_TRIANGLE, _DECODE_TRIANGLE, _DRAW_TRIANGLE = 2e-6, 5e-6, 9e-8  # of props; their meshes; moving camera: per frame
-_DECODE_BYTE = 3e-7  # of a mesh that is text
+_LOAD_PART, _DECODE_PART, _DECODE_BYTE = 7e-5, 1.9e-4, 3e-7  # of props' meshes; distinct ones; those that are text
 _WRITE_ELEMENT, _WRITE_ACTOR = 4e-5, 7e-5  # plans of variants: per element and per actor
 _WRITE_FRAME, _WRITE_LABEL = 0.0008, 1e-4  # per frame of a variant, labelled object in an annotation file
 _WRITE_EVENT = 1e-8  # events: per element of a town and frame of a clip
@@ -259,8 +259,8 @@ def _rows(loads: Iterable[Load]) -> float:
 def _loading(load: Load) -> float:
     """Seconds to load the meshes of a scene."""
     town, actors = load.elements * _LOAD_ELEMENT, load.actors * _LOAD_ACTOR
-    meshes = load.mesh_triangles * _DECODE_TRIANGLE + load.mesh_text * _DECODE_BYTE
-    return town + actors + load.triangles * _LOAD_TRIANGLE + meshes
+    meshes = load.mesh_triangles * _DECODE_TRIANGLE + load.mesh_parts * _DECODE_PART + load.mesh_text * _DECODE_BYTE
+    return town + actors + load.triangles * _LOAD_TRIANGLE + load.parts * _LOAD_PART + meshes
 
 
 def _simulating(load: Load) -> float:

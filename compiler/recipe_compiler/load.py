@@ -50,6 +50,8 @@ class Load:
     patch_images: int = 0  # of all sequences of images
     props: int = 0
     triangles: int = 0  # of all props
+    parts: int = 0  # of their meshes
     mesh_triangles: int = 0  # of their distinct meshes
+    mesh_parts: int = 0
     mesh_text: int = 0  # bytes of those that are text
     looks: float = 0.0  # of agents at props, while they are simulated

@@ -40,6 +40,7 @@ class MeshSize(NamedTuple):
     """The size of a mesh."""
 
     triangles: int = 0
+    parts: int = 0
     text: int = 0  # bytes of an OBJ file, each of which takes time, also in empty lines
 
 
@@ -72,7 +73,7 @@ def sizes_of(assets: Mapping[str, AssetFile]) -> AssetSizes:
 
 
 def _mesh_size(asset: AssetFile) -> MeshSize:
-    return MeshSize(asset.triangles, asset.file.bytes if asset.path.lower().endswith(".obj") else 0)
+    return MeshSize(asset.triangles, asset.parts, asset.file.bytes if asset.file.kind == "obj" else 0)
 
 
 def _triangles(sizes: Mapping[str, MeshSize], meshes: Iterable[str | None]) -> dict[str, int]:
@@ -89,7 +90,9 @@ def _triangles(sizes: Mapping[str, MeshSize], meshes: Iterable[str | None]) -> d
         "triangles": sum(
             n * (BOARD_TRIANGLES if mesh is None else distinct[mesh].triangles) for mesh, n in used.items()
         ),
+        "parts": sum(n * distinct[mesh].parts for mesh, n in used.items() if mesh is not None),
         "mesh_triangles": sum(mesh.triangles for mesh in distinct.values()),
+        "mesh_parts": sum(mesh.parts for mesh in distinct.values()),
         "mesh_text": sum(mesh.text for mesh in distinct.values()),
     }
 
