@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,15 @@ from recipe_compiler.ir import assets as files
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import FilePlan, PropPlan, ScenarioPlan, TexturePlan
+
+from recipe_runtime.core.files import stamp_of
+
+
+@lru_cache(maxsize=1)  # the images of a mesh are read one after the other, each from the whole file
+def _verified(path: Path, size: int, sha256: str, stamp: str) -> bytes | None:
+    """Return the bytes of a file; None if it has another digest. `stamp` changes when the file does."""
+    content = read_regular(path, size)
+    return content if hashlib.sha256(content).hexdigest() == sha256 else None
 
 
 @dataclass(frozen=True)
@@ -45,11 +55,11 @@ class Assets:
             reason = "name the recipe that uses it, which contains its path"
             raise RunError(f"the .{file.kind} file sha256:{file.sha256} is not available; {reason}")
         try:
-            content = read_regular(path, file.bytes)
+            content = _verified(path, file.bytes, file.sha256, stamp_of(path.stat()))
         except (OSError, ValueError) as error:
             reason = (isinstance(error, OSError) and error.strerror) or str(error)
             raise RunError(f"{path}: cannot be read: {reason}; restore it") from None
-        if hashlib.sha256(content).hexdigest() != file.sha256:
+        if content is None:
             raise RunError(f"{path}: is no longer the file sha256:{file.sha256} of the plan; compile the recipe again")
         return content
 

@@ -21,6 +21,11 @@ _UP = 2  # PNG filter type: each byte less the one above it
 _WINDOW, _MEMORY = 15, 9  # zlib's largest
 
 
+def largest_file(width: int, height: int) -> int:
+    """Return the most bytes that the file of a picture, a mask or depth may have; the decoding of more is refused."""
+    return (1 << 16) + 16 * width * height
+
+
 def photograph(pixels: NDArray[np.uint8]) -> bytes:
     """Encode a noisy camera image, uint8 [H, W, 3] RGB, as PNG.
 

@@ -180,6 +180,8 @@ def _read(cell: Cell, picture: Picture) -> Image.Image:
     """Return the picture of a cell. `build --repair` takes over pictures that anyone may have written."""
     path, camera = picture(cell.video, cell.frame), cell.video.sensor.camera
     try:
+        if path.stat().st_size > codecs.largest_file(camera.width, camera.height):
+            raise ValueError(f"it has {path.stat().st_size:,} bytes")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its size is checked before it is decoded
             with Image.open(path, formats=("PNG",)) as image:

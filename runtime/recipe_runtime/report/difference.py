@@ -21,7 +21,6 @@ from recipe_runtime.core.outputs import unused_names
 
 _MODES = ("RGB", "L", "I;16")  # the modes that codecs.png writes
 _MAX_SIDE = 4096
-_MAX_BYTES = 2 * _MAX_SIDE * _MAX_SIDE * 4
 
 if TYPE_CHECKING:
     from recipe_runtime.frames.shot import Shot
@@ -44,7 +43,8 @@ class PixelDifference:
 
 def first_difference(recorded: Path, rendered: Path) -> PixelDifference | None:
     """Compare the pixels of two pictures; None if one cannot be read, or they differ in size or type."""
-    a, b = read_pixels(recorded), read_pixels(rendered)
+    b = read_pixels(rendered)
+    a = None if b is None else read_pixels(recorded, b.shape)
     if a is None or b is None or not _alike(a, b):
         return None
     places = np.argwhere(_differs(a, b))
@@ -55,13 +55,19 @@ def first_difference(recorded: Path, rendered: Path) -> PixelDifference | None:
     return PixelDifference(len(places), x, y, was, made)
 
 
-def read_pixels(path: Path) -> NDArray[Any] | None:
+def read_pixels(path: Path, shape: tuple[int, ...] = (_MAX_SIDE, _MAX_SIDE)) -> NDArray[Any] | None:
     """Return the pixels of a PNG or `.npy` file; None if it cannot be read or this project does not write that type.
 
-    The file is not trusted: a link is not followed, and no header makes this allocate more memory than a picture needs.
+    The file is not trusted: a link is not followed, and neither its size nor a header makes this take more memory or
+    time than a picture needs.
+
+    Args:
+        path: the file.
+        shape: height and width, which the picture must not exceed.
     """
+    height, width = shape[:2]
     try:
-        body = io.BytesIO(read_inside(path.parent, path.name, _MAX_BYTES))
+        body = io.BytesIO(read_inside(path.parent, path.name, codecs.largest_file(width, height)))
         if path.suffix == ".npy":
             array: NDArray[Any] = np.load(body, allow_pickle=False)
             is_depth = isinstance(array, np.ndarray) and array.dtype == np.float32 and array.ndim == 2
@@ -69,7 +75,8 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's warning about large pictures; larger ones are refused anyway
             with Image.open(body, formats=("PNG",)) as picture:
-                return np.asarray(picture) if picture.mode in _MODES and max(picture.size) <= _MAX_SIDE else None
+                fits = picture.width <= width and picture.height <= height
+                return np.asarray(picture) if picture.mode in _MODES and fits else None
     except Exception:  # NumPy and Pillow raise errors of a dozen types for damaged files
         return None
 
@@ -84,7 +91,7 @@ def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
     """
     rendered = made.picture()
     pictures = {"rendered": rendered}
-    recorded = read_pixels(there) if there else None
+    recorded = read_pixels(there, made.pixels.shape) if there else None
     as_carla = recorded is not None and made.modality == "depth" and recorded.ndim == 3
     pixels = codecs.carla_depth(made.pixels) if as_carla else made.pixels
     if recorded is not None and _alike(pixels, recorded):

@@ -26,7 +26,7 @@ from recipe_compiler.ir.errors import Code, InputError, RunError
 from recipe_compiler.ir.plan import SensorPlan
 from recipe_compiler.ir.plurals import count
 
-from recipe_runtime.core import layout
+from recipe_runtime.core import codecs, layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.reader import Dataset, labels
@@ -45,7 +45,6 @@ INDEX = "index.json"
 SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
 _INDEX_BYTES = 300  # of the index, per shard, which holds one frame or more
-_MAX_PICTURE, _BYTES_A_PIXEL = 1 << 16, 16  # bytes of a picture's file, at most: of its headers, and a pixel
 _REMEDY = "free some space or choose another folder, then export again"
 
 
@@ -208,7 +207,7 @@ def picture_file(dataset: Dataset, path: str, sensor: SensorPlan) -> bytes:
     Raises:
         InputError: the file is missing, damaged, or larger than a picture of the sensor can be.
     """
-    most = _MAX_PICTURE + _BYTES_A_PIXEL * sensor.camera.width * sensor.camera.height
+    most = codecs.largest_file(sensor.camera.width, sensor.camera.height)
     size, sha256 = dataset.files.get(path, (-1, ""))
     found = regular_file(dataset.root, path)
     if found is None:

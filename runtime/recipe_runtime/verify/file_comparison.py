@@ -122,7 +122,8 @@ class FileComparison:
             return None
         name, sensor, frame, modality = at
         row = (digests.bare(self.plan, "", {}).variants[name].frame_key(modality), sensor, modality, frame)
-        pixels = read_pixels(self.dataset.root / path)
+        camera = next(s.camera for s in self.plan.named(name).rig.sensors if s.name == sensor)
+        pixels = read_pixels(self.dataset.root / path, (camera.height, camera.width))
         if pixels is not None and pixel_digest(modality, pixels) == self.dataset.lock.frames.get(row):
             return None
         return Difference(

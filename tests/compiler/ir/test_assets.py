@@ -338,6 +338,14 @@ def test_images_of_a_palette_and_of_many_pieces_are_read() -> None:
     assert (image(whole[:at] + pieces + whole[at + 12 + length :], "png") == picture()).all()
 
 
+def _with_empty_blocks() -> bytes:
+    """Return a picture whose data begin with 40,000 blocks without content: each takes time to decode."""
+    packed = zlib.compress(np.pad(picture().reshape(3, -1), ((0, 0), (1, 0))).tobytes())
+    body = modelling.chunk(b"IDAT", packed[:2] + b"\0\0\0\xff\xff" * 40_000 + packed[2:])
+    header = modelling.chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 3, 8, 2, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + body + modelling.chunk(b"IEND", b"")
+
+
 BROKEN_IMAGES = {
     "a JPEG": (b"\xff\xd8\xff\xe0", "is not a PNG image but a JPEG"),
     "an SVG": (b"<svg/>", "is not a PNG image but text or XML"),
@@ -352,6 +360,7 @@ BROKEN_IMAGES = {
     "see-through": (png(np.full((2, 2, 4), 128, np.uint8)), "is partly transparent"),
     "fewer rows": (_header(4, 400) + png(picture())[33:], "is truncated or damaged"),
     "tiny chunks": (png(picture(), extra=modelling.chunk(b"tEXt", b"") * 5000), "has chunks of less than 64 bytes"),
+    "empty blocks": (_with_empty_blocks(), "are far more than its pixels need"),
     "tiny pieces": (png(picture(), extra=modelling.chunk(b"IDAT", b"") * 5000), "has chunks of less than 64 bytes"),
     "no palette": (_indexed(b""), "it has no valid palette"),
     "half a colour": (_indexed(PALETTE[:-1]), "it has no valid palette"),

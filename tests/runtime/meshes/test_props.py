@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import pickle
@@ -20,9 +21,10 @@ from pydantic import ValidationError
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir.assets import MeshData
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_compiler.ir.plan import Clock, DatasetPlan, Pose, PropPlan, ScenePlan
+from recipe_compiler.ir.plan import Clock, DatasetPlan, FilePlan, Pose, PropPlan, ScenePlan
 from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import asset_files
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.trace import METRE
 from recipe_runtime.dataset import reader as datasets
@@ -133,6 +135,24 @@ def test_a_dataset_lists_its_assets(tmp_path: Path) -> None:
     reported = json.dumps([json.loads(p.read_text()) for p in sorted((tmp_path / "set/plans").glob("*.json"))])
     assert all(prop.mesh.sha256 in reported for prop in plan.variants[0].scene.props if prop.mesh)
     assert str(GOOD.parent) not in reported
+
+
+def test_a_file_with_many_images_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of 64 images of a mesh of 32 MiB read and hashed the whole file, in each scene."""
+    body, reads = b"a mesh", list[Path]()
+    path, file = tmp_path / "m.glb", FilePlan(sha256=hashlib.sha256(body).hexdigest(), bytes=len(body), kind="glb")
+    path.write_bytes(body)
+
+    def read(path: Path, limit: int) -> bytes:
+        reads.append(path)
+        return path.read_bytes()
+
+    monkeypatch.setattr(asset_files, "read_regular", read)
+    assets = Assets({file.sha256: path})
+    assert assets.content(file) == assets.content(file) == body and len(reads) == 1
+    path.write_bytes(b"others")
+    with pytest.raises(RunError, match="is no longer the file"):
+        assets.content(file)
 
 
 def test_a_changed_asset_file_is_not_used(tmp_path: Path) -> None:

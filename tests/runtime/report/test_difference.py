@@ -170,3 +170,14 @@ def test_a_damaged_picture_ends_no_verification(tmp_path: Path, ending: str, bod
     assert read_pixels(path) is None
     with pytest.raises(ValueError, match=r"cannot be decoded|is not a picture"):
         decode(f".depth.{ending}", body)
+
+
+def test_a_file_larger_than_a_picture_of_the_camera_is_not_decoded(tmp_path: Path) -> None:
+    """Names of one forged file of 130 MB took minutes to decode, whatever the size of the camera's pictures."""
+    path = tmp_path / "000000.png"
+    whole = codecs.png(PIXELS)
+    path.write_bytes(whole)
+    assert read_pixels(path, PIXELS.shape) is not None
+    assert read_pixels(path, (6, 7)) is None
+    path.write_bytes(whole + b"\0" * codecs.largest_file(8, 6))
+    assert read_pixels(path, PIXELS.shape) is None

@@ -21,6 +21,7 @@ from recipe_compiler.ir.assets.geometry import AssetError
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_PIXELS = 16 << 20
 MAX_SIDE = 8192
+_SLACK = 1 << 16  # bytes of packed pixels besides twice the size of the pixels
 _READ = {b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"}
 _PALETTE = 3  # colour type of images whose pixels are indices of a palette
 _MIN_CHUNK = 64  # bytes, on average, of the chunks beyond the first thousand; each costs time, however small it is
@@ -113,6 +114,8 @@ def _check_length(content: bytes, packed: bytes) -> None:
     for x, across, y, down in passes:
         columns, rows = max(0, -(-(width - x) // across)), max(0, -(-(height - y) // down))
         length += rows * (1 + (columns * depth * _CHANNELS[colour] + 7) // 8) if columns else 0
+    if len(packed) > 2 * length + _SLACK:  # a stream of empty blocks takes time, and yields no pixel
+        raise AssetError(f"is damaged: {len(packed)} bytes of data are far more than its pixels need; save it again")
     try:
         found = len(zlib.decompressobj().decompress(packed, length + 1))
     except zlib.error:
