@@ -64,9 +64,7 @@ def safe(text: str) -> str:
 
 def say(*parts: str | Styled, err: bool = False) -> None:
     """Print one line, on standard error if `err`; its parts are escaped."""
-    stream: TextIO | None = sys.stderr if err else sys.stdout
-    if stream is None:  # closed by the caller
-        return
+    stream = sys.stderr if err else sys.stdout
     safe_parts = [(safe(part), "") if isinstance(part, str) else (safe(part.text), part.colour) for part in parts]
     colour = in_colour(stream)
     if stream.isatty():

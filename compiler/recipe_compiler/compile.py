@@ -24,6 +24,7 @@ from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
+from recipe_compiler.load import Load
 from recipe_compiler.lowering import asset_files, placement, plausibility, workload
 from recipe_compiler.lowering.lower import Lowering
 from recipe_compiler.lowering.patches import texture_files
@@ -150,7 +151,7 @@ def _checked(
     allow_large: bool,
     is_faulty: bool,
     found: Findings,
-) -> tuple[list[tuple[Variant, Base]], list[limits.Load]]:
+) -> tuple[list[tuple[Variant, Base]], list[Load]]:
     """Check all variants, and estimate their cost.
 
     Args:
@@ -167,7 +168,7 @@ def _checked(
         TooLargeError: compiling the variants exceeds the limits, and the recipe has no problems.
     """
     checked: list[tuple[Variant, Base]] = []
-    loads: list[limits.Load] = []
+    loads: list[Load] = []
     changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
     variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
     for variant, base in _check_variants(root, variants, _kinds(recipe), found):
@@ -340,18 +341,23 @@ def _check_variants_in_part(
     if base is None or not isinstance(base.data, dict):
         return []
     checker, found = Checker(base, kinds), Findings()
-    variants = iter(()) if rules is None and root.get("sweep", "exclude") else expand.covering(root, rules or ())
-    first = next(variants, None)
-    bases = (
-        (variant.base for variant in itertools.chain([first], variants)) if first else [merge.expand_shorthands(base)]
-    )
-    for merged in bases:
+    for merged in _bases_in_part(root, base, rules):
         problems: list[Problem] = []
         checker.base(merged, problems)
         found.add(problems)
         if found.total > _MAX_PROBLEMS or guard.excess(0):
             break
     return found.problems()
+
+
+def _bases_in_part(root: Value, base: Value, rules: Sequence[Mapping[str, str]] | None) -> Iterator[Value]:
+    """Yield the bases of few variants that have every value of an axis; without variants, the recipe's own base."""
+    variant = None
+    if rules is not None or not root.get("sweep", "exclude"):
+        for variant in expand.covering(root, rules or ()):
+            yield variant.base
+    if variant is None:
+        yield merge.expand_shorthands(base)
 
 
 def _check_variants(

@@ -11,7 +11,8 @@ import resource
 import time
 
 from recipe_compiler.ir.errors import Place
-from recipe_compiler.limits import COMPILE_LIMIT, MEMORY_LIMIT, Cost, Load, TooLargeError, size, total
+from recipe_compiler.limits import COMPILE_LIMIT, MEMORY_LIMIT, Cost, TooLargeError, size, total
+from recipe_compiler.load import Load
 from recipe_compiler.source.yaml_reader import Value
 
 SECONDS = 10 * COMPILE_LIMIT  # of processor time: an allowance for slow processors, and for planning of routes

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.ir.plurals import count
-from recipe_compiler.load import Clip as Clip
-from recipe_compiler.load import Load as Load
+from recipe_compiler.load import Clip, Load
 
 FRAME_LIMIT = 100_000
 BYTE_LIMIT = 20 * 2**30

@@ -52,6 +52,6 @@ class Load:
     triangles: int = 0  # of all props
     parts: int = 0  # of their meshes
     mesh_triangles: int = 0  # of their distinct meshes
-    mesh_parts: int = 0
+    mesh_parts: int = 0  # of the same
     mesh_text: int = 0  # bytes of those that are text
     looks: float = 0.0  # of agents at props, while they are simulated

@@ -195,12 +195,6 @@ def test_at_most_fifty_warnings_are_shown_and_the_rest_counted(capsys: pytest.Ca
     assert written.endswith("warning: and 10 warnings more; --json lists all\n")
 
 
-def test_a_closed_output_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression: `recipe blueprints >&-` ended with a traceback."""
-    monkeypatch.setattr("sys.stdout", None)
-    say("nobody reads this")
-
-
 def test_a_remedy_is_separated_from_its_message_outside_quotes_and_brackets() -> None:
     assert split_remedy("a is wrong; write b") == ("a is wrong", "write b")
     assert split_remedy('"x; y" is wrong') == ('"x; y" is wrong', None)

@@ -19,7 +19,8 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.plan_types import FilePlan
 from recipe_compiler.library import surfaces, towns
-from recipe_compiler.limits import Clip, Load, Memory, TooLargeError, size, total
+from recipe_compiler.limits import Memory, TooLargeError, size, total
+from recipe_compiler.load import Clip, Load
 from recipe_compiler.lowering import props_nearby, workload
 from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.schema.sweep import Sweep
@@ -87,12 +88,10 @@ def test_checking_an_invalid_recipe_ends_likewise(
 
 def test_the_plans_of_many_variants_take_time() -> None:
     """Each is written in full: those of 7,000 variants of a large town took 25 minutes, and 0.3 were estimated."""
-    view = limits.Clip(frames=1, pixels=256, samples=256, capture=("semantic",))
+    view = Clip(frames=1, pixels=256, samples=256, capture=("semantic",))
 
     def minutes(variants: int, elements: int) -> float:
-        one = [
-            limits.Load("scene", "rig", n, steps=1, actors=0, views=(view,), elements=elements) for n in range(variants)
-        ]
+        one = [Load("scene", "rig", n, steps=1, actors=0, views=(view,), elements=elements) for n in range(variants)]
         return limits.total(one, "carla").minutes
 
     assert 15 < minutes(7000, 5074) - minutes(1, 5074) < 35

@@ -40,7 +40,7 @@ def command(
     from recipe_compiler import carla
 
     _check_town(town)
-    folder = check_default_folder(Path("recipes")) if output is None else output
+    folder = output or check_default_folder(Path("recipes"))
     made = carla.import_configurations([_read(path) for path in configs], town=town)
     files = {folder / name: body for one in made for name, body in _files(one).items()}
     _check_free(files, configs, replace=replace)

@@ -19,6 +19,7 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.ir.rig.arm import history
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.library import towns
+from recipe_compiler.load import Clip, Load
 from recipe_compiler.lowering import props_nearby, traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
 from recipe_compiler.lowering.asset_files import AssetFile, Corner
@@ -77,7 +78,7 @@ def _mesh_size(asset: AssetFile) -> MeshSize:
 
 
 def _triangles(sizes: Mapping[str, MeshSize], meshes: Iterable[str | None]) -> dict[str, int]:
-    """Return the sizes of all props and of their distinct meshes, as arguments of `limits.Load`.
+    """Return the sizes of all props and of their distinct meshes, as arguments of `Load`.
 
     Args:
         sizes: the size of each mesh.
@@ -100,7 +101,7 @@ def _triangles(sizes: Mapping[str, MeshSize], meshes: Iterable[str | None]) -> d
 _NO_ASSETS = AssetSizes()
 
 
-def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) -> limits.Load:
+def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) -> Load:
     """Estimate the workload of a variant before lowering, from its checked models.
 
     Args:
@@ -120,7 +121,7 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
     seconds = clock.frames / clock.fps + traffic.warmup(base)
     wandering = crowd + sum(actor.route is None and actor.goal is None for actor in base.actors.values())
     points = wandering * min(seconds * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
-    return limits.Load(
+    return Load(
         scene=scene,
         rig=rig,
         appearance=variant.name,
@@ -147,10 +148,10 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
     )
 
 
-def _views(base: Base, elements: int) -> tuple[limits.Clip, ...]:
+def _views(base: Base, elements: int) -> tuple[Clip, ...]:
     """Estimate the clips of all sensors in a town with that many elements."""
     return tuple(
-        limits.Clip(
+        Clip(
             len(range(0, base.clock.frames, interval_of(s.tick, base.clock.fps))),
             s.camera.width * s.camera.height,
             _samples(s.camera, s.camera.supersample),
@@ -169,7 +170,7 @@ def _views(base: Base, elements: int) -> tuple[limits.Clip, ...]:
 
 
 def _looks(base: Base, assets: AssetSizes, crowds: Mapping[Category, int], seconds: float) -> float:
-    """Return how often agents look at props, as an argument of `limits.Load`."""
+    """Return how often agents look at props, as an argument of `Load`."""
     props = []
     for prop in base.props.values():
         at, box = prop.at, assets.boxes.get(prop.asset or "", ((0.0,) * 3, (0.0,) * 3))
@@ -227,7 +228,7 @@ def _samples(camera: optics.Lens, supersample: int) -> int:
     return width * height
 
 
-def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load:
+def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> Load:
     """Compute the workload of a variant from its plan. Plans with the same digest count as shared.
 
     Args:
@@ -237,7 +238,7 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
     clock = plan.scene.clock
     responses, patches = plan.appearance.responses, plan.appearance.patches
     views = tuple(
-        limits.Clip(
+        Clip(
             len(s.frames(clock.frames)),
             s.camera.width * s.camera.height,
             _samples(s.camera, responses[s.name].supersample),
@@ -253,7 +254,7 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> limits.Load
         )
         for s in plan.rig.sensors
     )
-    return limits.Load(
+    return Load(
         scene=plan.scene.digest,
         rig=plan.rig.digest,
         appearance=plan.appearance.digest,

@@ -83,10 +83,8 @@ def read_manifest(out: Path) -> Manifest | None:
 
 def _no_manifest(folder: Path, name: Path) -> InputError:
     """Return the error for a folder with files in which no manifest of a dataset can be read."""
-    message, remedy = (
-        f"{name} holds files but no {layout.MANIFEST} of a dataset",
-        "move it away, or choose another folder",
-    )
+    message = f"{name} holds files but no {layout.MANIFEST} of a dataset"
+    remedy = "move it away, or choose another folder"
     if (folder / layout.MANIFEST).exists():
         message = f"{name}: its {layout.MANIFEST} is damaged, or another program's"
         if not os.access(folder / layout.MANIFEST, os.R_OK):

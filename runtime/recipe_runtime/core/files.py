@@ -121,7 +121,7 @@ def entries_below(folder: Path) -> list[Path]:
 
 
 def remove_tree(path: Path) -> None:
-    """Delete a folder with its files, or a symbolic link itself; InputError if folders are nested too deeply."""
+    """Delete a folder with its content, a file, or a symbolic link itself; InputError if folders nest too deeply."""
     if is_folder(path):
         with _limited_nesting(path):
             shutil.rmtree(path)

@@ -63,7 +63,7 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
         try:
             for path in sorted(work.iterdir()):
                 if path.name != MARKER:
-                    remove(path)
+                    remove_tree(path)
             yield work
         finally:
             if _is_at(handle, work):  # else it was published, and a folder there is the next export's
@@ -154,14 +154,6 @@ def holds_files(out: Path, rows: Iterable[tuple[str, int, str]], dataset: Datase
     return all(has_content(out, path, size, sha256) for path, size, sha256 in known)
 
 
-def remove(path: Path) -> None:
-    """Remove a file, a link or a folder with its content; links are not followed."""
-    if is_folder(path):
-        remove_tree(path)
-    else:
-        path.unlink(missing_ok=True)
-
-
 def is_empty(folder: Path) -> bool:
     """Return whether a path is an empty folder."""
     return folder.is_dir() and not any(folder.iterdir())
@@ -191,7 +183,7 @@ def _settle(aside: Path, out: Path) -> None:
         if not os.path.lexists(out):
             (aside / _REPLACED).rename(out)
         else:
-            remove(aside / _REPLACED)
+            remove_tree(aside / _REPLACED)
     (aside / MARKER).unlink(missing_ok=True)
     aside.rmdir()
 

@@ -74,16 +74,9 @@ def decode(content: bytes, *, opaque: bool = True) -> Pixels:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             with PngImagePlugin.PngImageFile(io.BytesIO(_plain(parts))) as file:
-                if (
-                    parts.palette is not None
-                    and file.mode == "P"
-                    and 3 * int(np.asarray(file).max()) >= len(parts.palette)
-                ):
-                    raise AssetError("is damaged: a pixel has a colour beyond its palette; save it again")
+                colours = 1 + int(np.asarray(file).max()) if file.mode == "P" else 0  # that the palette must have
                 clear = file.mode in ("RGBA", "LA", "PA") or "transparency" in file.info
                 pixels = np.asarray(file.convert("RGBA" if clear else "RGB"), np.uint8)
-    except AssetError:
-        raise
     except (OSError, ValueError, SyntaxError, EOFError, zlib.error, struct.error, Warning) as error:
         reason = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         raise AssetError(f"is truncated or damaged: {reason}; save it again") from None
@@ -91,6 +84,8 @@ def decode(content: bytes, *, opaque: bool = True) -> Pixels:
         raise AssetError("it has more pixels than its header states; save it again") from None
     if pixels.shape[:2] != (height, width):
         raise AssetError("is damaged: its pixels do not match its header; save it again")
+    if 3 * colours > len(parts.palette or b""):
+        raise AssetError("is damaged: a pixel has a colour beyond its palette; save it again")
     if clear and opaque and int(pixels[..., 3].min()) < 255:
         raise AssetError("is partly transparent; flatten it on a background")
     return np.ascontiguousarray(pixels[..., :3])
