@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from recipe_cli.commands.verify import _check_cost, command
+from recipe_cli.commands.verify import _checked_cost, command
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import read_source, skeleton
@@ -31,9 +31,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_plan_over_the_limits_is_refused_unless_allowed(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recipe_compiler.limits.FRAME_LIMIT", 1)
     with pytest.raises(InputError, match="frames are over 1") as caught:
-        _check_cost(datasets.read(built).plan, "tiny", False)
+        _checked_cost(datasets.read(built).plan, "tiny", False)
     assert "--allow-large" in str(caught.value)
-    _check_cost(datasets.read(built).plan, "tiny", True)
+    _checked_cost(datasets.read(built).plan, "tiny", True)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,11 +40,13 @@ from recipe_cli.places import (
 )
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import url_with_one_slash
+from recipe_cli.work_guard import within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
+    from recipe_compiler.limits import Cost
     from recipe_runtime.build.pipeline import BuildResult
     from recipe_runtime.build.recipe_files import RecipeFiles
     from recipe_runtime.build.resume import Runner
@@ -66,6 +68,11 @@ class Request:
     device: str
     workers: int | None
     allow_large: bool
+
+    def within_estimate(self, cost: Cost, workers: int) -> AbstractContextManager[None]:
+        """The context that stops a build far over its estimate; a cluster's memory is not this host's."""
+        measured = None if self.ray else workers
+        return within_estimate("the build", cost, workers=measured, device=self.device, allow_large=self.allow_large)
 
 
 @dataclass(frozen=True)
@@ -209,20 +216,21 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
     workers = (request.workers or 0) if request.ray else worker_count(request.workers, request.device)
     try:
         with Progress() as progress, _runner(request.ray) as run:
-            result = build(
-                compiled.plan,
-                inputs.folder,
-                workers=workers,
-                progress=progress,
-                device=request.device,
-                engines=engines_for(compiled),
-                explain=reasons.extend,
-                run=run,
-                repair=request.repair,
-                source=request.source,
-                replace=request.replace,
-                recipe_files=inputs.files,
-            )
+            with request.within_estimate(compiled.cost, workers):
+                result = build(
+                    compiled.plan,
+                    inputs.folder,
+                    workers=workers,
+                    progress=progress,
+                    device=request.device,
+                    engines=engines_for(compiled),
+                    explain=reasons.extend,
+                    run=run,
+                    repair=request.repair,
+                    source=request.source,
+                    replace=request.replace,
+                    recipe_files=inputs.files,
+                )
             copied = target.put(result.path, progress, replace=request.replace) if target else None
     except KeyboardInterrupt:
         what, remedy = build_report.interruption(compiled.plan, inputs.folder, request.repair, target)

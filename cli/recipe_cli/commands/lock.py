@@ -24,6 +24,7 @@ from recipe_cli.arguments import (
 from recipe_cli.console import fail, print_json, say
 from recipe_cli.places import check_lockfile_is_of, lockfile_path, source_of
 from recipe_cli.progress import Progress
+from recipe_cli.work_guard import within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -70,7 +71,7 @@ def command(
     compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
     _check_apart(recipes, places)
-    options = Options(update or replace, replace, with_traces, device, count)
+    options = Options(update or replace, replace, with_traces, device, count, allow_large)
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
         _check_before(recipe, one, path, options)
     rows = []
@@ -92,6 +93,7 @@ class Options:
     with_traces: bool
     device: str
     workers: int
+    allow_large: bool
 
 
 @dataclass(frozen=True)
@@ -136,8 +138,15 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     source = source_of(recipe, path)
     motion: dict[str, Trace] = {}
     known = known_frames(compiled.plan)
+    measured = within_estimate(
+        "locking",
+        compiled.cost,
+        workers=options.workers,
+        device=options.device,
+        allow_large=options.allow_large,
+    )
     try:
-        with Progress() as progress:
+        with Progress() as progress, measured:
             made = lock(
                 compiled.plan,
                 source,

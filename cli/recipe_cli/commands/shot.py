@@ -24,6 +24,7 @@ from recipe_cli.arguments import (
 )
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
+from recipe_cli.work_guard import within_estimate
 
 if TYPE_CHECKING:
     from recipe_runtime.frames.shot import Shot
@@ -86,7 +87,8 @@ def command(
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
         if output is not None:
             check_output(output, replace=replace)
-        with Progress(quiet=as_json) as progress:
+        measured = within_estimate("the shot", compiled.cost, workers=1, device=device, allow_large=allow_large)
+        with Progress(quiet=as_json) as progress, measured:
             engines = engines_for(compiled, partial(progress, "simulate"))
             made = shot(scenario, sensor, frame, modality, engines=engines, device=device, progress=progress)
         name = _name(plan.recipe, scenario.variant, made)

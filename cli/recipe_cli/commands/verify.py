@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,10 +28,12 @@ from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, stat
 from recipe_cli.places import FOLDER, check_default_folder, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
+from recipe_cli.work_guard import within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
     from recipe_compiler.ir.plan import DatasetPlan
+    from recipe_compiler.limits import Cost
     from recipe_runtime.verify.verdict import Report
     from recipe_runtime.verify.verify import Options
 
@@ -229,18 +231,27 @@ def _integrity(target: Path | str, options: Options) -> Report:
         return verify_files(reader.read(folder, shown(target)), options, progress)
 
 
-def _check_cost(plan: DatasetPlan, name: str, allow_large: bool) -> None:
-    """Raise InputError if a dataset's plan exceeds the size limits of recipes: the folder is untrusted."""
+def _checked_cost(plan: DatasetPlan, name: str, allow_large: bool) -> Cost:
+    """Return the cost of a dataset's plan; InputError if it exceeds the limits: the folder is untrusted."""
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.lowering.workload import plan_cost
 
-    reasons = [] if allow_large else plan_cost(plan).over()
+    cost = plan_cost(plan)
+    reasons = [] if allow_large else cost.over()
     if reasons:
         raise InputError(
             f"{name}: to render its plan, {', and '.join(reasons)}",
             help="pass --allow-large if that is meant, or hash the files alone (--integrity)",
             code=Code.SIZE_LIMIT,
         )
+    return cost
+
+
+def _within_estimate(cost: Cost, options: Options) -> AbstractContextManager[None]:
+    """The context that stops a verification far over the estimate of the whole dataset."""
+    return within_estimate(
+        "verifying", cost, workers=options.workers, device=options.device, allow_large=options.allow_large
+    )
 
 
 def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
@@ -253,7 +264,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
     with Progress() as progress, ExitStack() as stack:
         if not isinstance(target, Path) or target.is_dir():
             folder = reader.read(stack.enter_context(dataset_at(target, progress)), shown(target))
-            _check_cost(folder.plan, shown(target), allow_large)
+            stack.enter_context(_within_estimate(_checked_cost(folder.plan, shown(target), allow_large), options))
             return verify(folder.plan, folder.lock, options, progress, dataset=folder, cache=default_cache())
         held = None
         if against is not None:
@@ -267,6 +278,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
             if held is None or lock is not held.lock:
                 check_lockfile_is_of(target, compiled.plan, path, lock)
+        stack.enter_context(_within_estimate(compiled.cost, options))
         held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces, trace_bundle.size_limits(compiled.plan))
         return verify(
             compiled.plan,
