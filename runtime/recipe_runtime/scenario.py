@@ -251,8 +251,7 @@ class Scenario(Sequence[Frame]):
                 help=f"it captures {', '.join(plan.capture)}",
                 code=Code.UNKNOWN_NAME,
             )
-        if textures and modality == "rgb":
-            images = as_images(self.plan.appearance.patches, textures)
+        if textures is not None and modality == "rgb" and (images := as_images(self.plan.appearance.patches, textures)):
             with self._scenes.exclusive():
                 return self._scenes.patched_frame(self.plan, plan, frame).render(images)
         if self._disk_cache is None:

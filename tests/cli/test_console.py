@@ -308,6 +308,7 @@ def test_an_unexpected_exception_is_escaped_too(
 def test_urls_are_masked_where_the_command_line_prints() -> None:
     assert safe("see https://host/x?sig=abc: gone") == "see https://host/x?***: gone"
     assert safe("s3://KEY:se/cret@bucket/x") == "s3://KEY:***@bucket/x"
+    assert safe("try 'x' with --dir http:/user:secret@host") == "try 'x' with --dir http:/user:***@host"
 
 
 @pytest.mark.slow

@@ -48,7 +48,7 @@ class Merger:
                 changed |= entries.pop(key, None) is not None
                 keys[key] = patch.key_place(key)  # so that an error about its absence has this place
                 continue
-            before = entries.get(key)
+            before = None if value.replaces else entries.get(key)
             after = self.merge(before if before is not None else Value({}, value.place), value)
             if before is None or after is not before:
                 entries[key], changed = after, True
@@ -64,7 +64,7 @@ def expand_shorthands(base: Value) -> Value:
     for key, name in SHORTHANDS.items():
         value = entries.get(key)
         if value is not None and isinstance(value.data, str):
-            entries[key] = Value({name: value}, value.place, {name: value.place})
+            entries[key] = Value({name: value}, value.place, {name: value.place}, replaces=True)
     return base if all(entries[k] is base.map[k] for k in entries) else Value(entries, base.place, base.keys)
 
 
@@ -123,18 +123,20 @@ def _merged_over(below: Value, above: Value, merger: Merger) -> Value:
 def _joined(below: Value | None, above: Value, depth: int = 0) -> Value:
     """Merge deltas over deltas. They are patches themselves: a null in one is kept, since it removes from the base.
 
-    A null for a whole axis, or for one of its values, removes that.
+    A null for a whole axis, or for one of its values, removes that. A shorthand that is merged with a map replaces
+    what the base has, as the shorthand alone does.
     """
     if not isinstance(above.data, dict):
         return above
-    entries, keys = (dict(below.map), dict(below.keys)) if below is not None else ({}, {})
+    entries, keys, replaces = ({}, {}, False) if below is None else (dict(below.map), dict(below.keys), below.replaces)
+    short = expand_shorthands(Value(entries, above.place)).map if depth == 2 else entries
     for key, value in above.map.items():
         keys[key] = above.key_place(key)
         if depth < 2 and value.data is None:
             entries.pop(key, None)
         else:
-            entries[key] = _joined(entries.get(key), value, depth + 1)
-    return Value(entries, above.place, keys)
+            entries[key] = _joined(short.get(key), value, depth + 1)
+    return Value(entries, above.place, keys, replaces)
 
 
 def _without(value: Value, *keys: str) -> Value:

@@ -42,6 +42,7 @@ class Value:
     data: bool | int | float | str | tuple[Value, ...] | dict[str, Value] | None
     place: Place
     keys: dict[str, Place] = field(default_factory=dict)  # of a map: the place of each key
+    replaces: bool = False  # a map of a patch that replaces the existing value, as other values do
 
     @cached_property
     def plain(self) -> Plain:

@@ -188,6 +188,7 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
     if not isinstance(size, Sequence) or len(size) != 2:
         raise InputError(f"patch {name}: the size of its texture is {size!r}; give height and width")
     check_size(name, size[1], size[0])
+    size = int(size[0]), int(size[1])  # products of NumPy's integers overflow
     what = f"the gradient of a texture of {size[1]} x {size[0]} texels"
     check_memory(_GRADIENT_BYTES * size[0] * size[1], what, "use a smaller texture")
     if patch.inserted:

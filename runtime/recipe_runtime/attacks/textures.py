@@ -128,7 +128,7 @@ def check_size(name: str, width: int, height: int) -> None:
     """Raise InputError if a texture is larger than an image of a recipe may be, or empty."""
     if not all(isinstance(side, (int, np.integer)) and not isinstance(side, bool) for side in (width, height)):
         raise InputError(f"the texture of {name} has the size {width!r} x {height!r}; give whole numbers")
-    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and int(width) * int(height) <= MAX_PIXELS):
         raise InputError(
             f"the texture of {name} is {width} x {height}; at most {MAX_SIDE} per side and {MAX_PIXELS} pixels"
             " are allowed"

@@ -181,10 +181,10 @@ def _name(entry: os.DirEntry[str]) -> str:
 
 def _is_known(root: Path, path: str) -> bool:
     """Return whether a file of a folder without a marker belongs to this project, by its name and first bytes."""
-    if path in _MARKS:  # a power failure may have truncated it
-        return _MARKS[path].startswith(_start(root / path, 1 << 10) or b"")
-    if _ENTRY.fullmatch(path):
-        return _ENTRY_START.startswith(_start(root / path, len(_ENTRY_START)) or b"")
+    text = _MARKS.get(path, _ENTRY_START if _ENTRY.fullmatch(path) else None)
+    if text is not None:
+        found = _start(root / path, len(_ENTRY_START) if text is _ENTRY_START else 1 << 10) or b""
+        return text.startswith(found.rstrip(b"\0"))  # a power failure may have truncated it, or filled it with zeros
     return any(form.fullmatch(path) for form in (_KERNEL, _LEASE, _MARK))
 
 

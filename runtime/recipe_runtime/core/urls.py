@@ -10,11 +10,12 @@ may not be a secret it is masked.
 from __future__ import annotations
 
 import re
+from functools import partial
 from urllib.parse import unquote
 
 MASK = "***"
 
-_URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*):(?P<slashes>/+)(?P<rest>\S*)")
+_URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]{0,40}):(?P<slashes>/+)(?P<rest>\S*)")
 _COLON = re.compile(r":|%3A", re.IGNORECASE)
 _PARAMETERS = re.compile(
     r";[^;?#]*?=(?:(?!::[A-Za-z][A-Za-z0-9+.-]*:/).)*"
@@ -25,6 +26,7 @@ _END = re.compile(r"""['"`:;,.)\]}>]*\Z""")  # punctuation of the sentence aroun
 _PORTS = {"http", "https", "ftp", "ftps", "sftp", "ssh", "smb", "hdfs", "webhdfs", "memory"}  # `host:21`, not `key:21`
 _TOKEN_LENGTH = 20  # a user name so long is a token
 _MIN_SECRET = 4  # shorter texts are masked within their URL only
+_MAX_CHAINED = 8  # URLs in each other; what a deeper one holds is masked
 
 
 def without_secrets(text: str, *urls: str) -> str:
@@ -46,8 +48,13 @@ def shown(url: str) -> str:
     return _URL.sub(lambda match: _masked(match, whole=True), text)
 
 
-def _masked(match: re.Match[str], whole: bool = False) -> str:
-    """A URL, matched by `_URL`, without its secrets; unless it is `whole`, punctuation at its end is no part of it."""
+def _masked(match: re.Match[str], whole: bool = False, depth: int = 0) -> str:
+    """A URL, matched by `_URL`, without its secrets; unless it is `whole`, punctuation at its end is no part of it.
+
+    `depth` is the number of URLs that it is chained to.
+    """
+    if depth > _MAX_CHAINED:
+        return MASK
     scheme, rest = match["scheme"], match["rest"]
     end = None if whole else _END.search(rest)
     rest, tail = (rest[: end.start()], end[0]) if end else (rest, "")
@@ -55,7 +62,7 @@ def _masked(match: re.Match[str], whole: bool = False) -> str:
     head = "" if place == rest else f"{user}:{MASK}@" if password is not None else f"{MASK}@"
     place, hash_, fragment = place.partition("#")
     place, mark, query = place.partition("?")
-    inner = _URL.sub(_masked, _PARAMETERS.sub(f";{MASK}", place))
+    inner = _URL.sub(partial(_masked, depth=depth + 1), _PARAMETERS.sub(f";{MASK}", place))
     query = f"?{MASK}" if query else mark
     return f"{scheme}:{match['slashes']}{head}{inner}{query}{f'#{MASK}' if fragment else hash_}{tail}"
 

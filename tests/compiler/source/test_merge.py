@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from recipe_compiler.source.file_help import nearest_file
-from recipe_compiler.source.merge import Merger, read
+from recipe_compiler.source.merge import Merger, expand_shorthands, read
 from recipe_compiler.source.yaml_reader import Value, parse
 
 
@@ -113,6 +113,27 @@ def test_a_delta_of_an_extending_file_may_remove(tmp_path: Path) -> None:
     root = read(tmp_path / "recipe.yaml").root
     assert root is not None
     assert root.map["deltas"].plain == {"one": {"a": {"x": 1, "y": None, "z": {"w": None}}, "d": {"x": None}}}
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "merged"),
+    [
+        ("{weather: HardRainNoon}", "{weather: {fog_density: 60}}", {"preset": "HardRainNoon", "fog_density": 60}),
+        ("{weather: {fog_density: 9}}", "{weather: HardRainNoon}", {"preset": "HardRainNoon"}),
+        ("{weather: {fog_density: 9}}", "{weather: {wetness: 5}}", {"preset": "A", "fog_density": 9, "wetness": 5}),
+        ("{weather: HardRainNoon}", "{}", {"preset": "HardRainNoon"}),
+    ],
+)
+def test_a_delta_over_a_shorthand_keeps_it(tmp_path: Path, below: str, above: str, merged: dict[str, Any]) -> None:
+    """Regression: the preset was lost. A shorthand replaces the whole weather of the base."""
+    base = "base: {weather: {preset: A, wetness: 50}}"
+    (tmp_path / "common.yaml").write_text(f"{base}\ndeltas: {{w: {{rain: {below}}}}}\n")
+    (tmp_path / "middle.yaml").write_text("extends: common.yaml\ndeltas: {w: {rain: {}}}\n")
+    (tmp_path / "recipe.yaml").write_text(f"extends: middle.yaml\ndeltas: {{w: {{rain: {above}}}}}\n")
+    root = read(tmp_path / "recipe.yaml").root
+    assert root is not None
+    patched = expand_shorthands(Merger().merge(root.map["base"], root.map["deltas"].map["w"].map["rain"]))
+    assert patched.map["weather"].plain == merged
 
 
 def test_a_name_without_its_ending_is_recognised(tmp_path: Path) -> None:

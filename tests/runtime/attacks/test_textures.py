@@ -80,7 +80,7 @@ def test_a_patch_view_renders_the_same(scene: Scenario) -> None:
     view = scene.patch_view(1, "poster")
     assert view.shape == FIRST.shape
     np.testing.assert_array_equal(view.render(FIRST), scene.render(1))
-    small = scene.patch_view(1, "poster", size=(7, 9))
+    small = scene.patch_view(1, "poster", size=(np.int8(7), np.int8(9)))  # type: ignore[arg-type]
     np.testing.assert_array_equal(small.render(SECOND), scene.render(1, textures={"poster": SECOND}))
     np.testing.assert_allclose(small.forward(SECOND) * 255, small.render(SECOND), atol=1.6)
     gradient = scene.patch_view(0, "paint", size=(16, 16)).backward(np.full((16, 16, 3), 0.5), np.ones((64, 96, 3)))
@@ -123,6 +123,8 @@ def test_invalid_textures_are_refused(recipes: tuple[Path, Path], scene: Scenari
         scene.render(0, textures={"poster": np.full((4, 4, 3), np.nan)})
     with pytest.raises(InputError, match="at most 8192 per side"):
         scene.patch_view(0, "poster", size=(9000, 4))
+    with pytest.raises(InputError, match="the textures are a list; give a dictionary"):
+        scene.render(0, textures=[])  # type: ignore[arg-type]
     with pytest.raises(InputError, match="a colour, which has no size; give the texture's size"):
         scene.patch_view(0, "paint")
     with pytest.raises(InputError, match="no sensor 'roof'"):

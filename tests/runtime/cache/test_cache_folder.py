@@ -84,11 +84,13 @@ def test_a_cache_of_an_earlier_version_is_adopted(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mark", ["CACHEDIR.TAG", "dataset-recipe-cache"])
 @pytest.mark.parametrize("size", [0, 7])
-def test_a_truncated_marker_is_written_again(tmp_path: Path, mark: str, size: int) -> None:
+@pytest.mark.parametrize("zeros", [0, 100])
+def test_a_truncated_marker_is_written_again(tmp_path: Path, mark: str, size: int, zeros: int) -> None:
+    """File systems shorten files at a power failure, or keep their size and fill them with zeros."""
     create_cache_folder(tmp_path)
     whole = (tmp_path / mark).read_bytes()
     (tmp_path / "dataset-recipe-cache").unlink(missing_ok=mark != "CACHEDIR.TAG")
-    (tmp_path / mark).write_bytes(whole[:size])
+    (tmp_path / mark).write_bytes(whole[:size] + bytes(zeros))
     create_cache_folder(tmp_path)
     assert (tmp_path / mark).read_bytes() == whole
     assert is_marked(tmp_path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -57,6 +59,21 @@ def test_secrets_are_masked(text: str, shown: str) -> None:
 @pytest.mark.parametrize("text", KEPT)
 def test_other_text_is_not_masked(text: str) -> None:
     assert urls.without_secrets(text) == text
+
+
+def test_urls_may_be_chained_any_number_of_times() -> None:
+    """Regression: a description of 660 URLs in each other ended `recipe plan` with a RecursionError."""
+    assert urls.without_secrets("://" + "a:/" * 2000 + "b?sig=secret") == "://" + "a:/" * 9 + "***?***"
+    chained = "::".join(f"cache{number}://x" for number in range(8)) + "::https://host/x;sig="
+    assert urls.without_secrets(f"{chained}secret") == chained.replace("sig=", "***")
+
+
+def test_a_long_word_before_a_colon_takes_little_time() -> None:
+    """Regression: quadratic in the length of a word, 17 s for this one."""
+    started = time.process_time()
+    assert urls.without_secrets("a" * 60_000 + " ://") == "a" * 60_000 + " ://"
+    assert urls.without_secrets("a" * 60_000 + "://u:secret@host") == "a" * 60_000 + "://u:***@host"
+    assert time.process_time() - started < 5
 
 
 _SECRET = st.text("abcXYZ019/+=@:%._~-", min_size=6, max_size=40).filter(lambda t: any(c.isalpha() for c in t))
