@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 import json
 import warnings
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,16 +47,23 @@ def decode(key: str, data: bytes) -> Any:
         return None
     pixels = _pixels(key, data)
     kind, axes = {"instance": ("uint16", 2), "semantic": ("uint8", 2)}.get(name, ("uint8", 3))
-    if pixels.dtype.name != kind or pixels.ndim != axes:
+    if pixels.dtype.name != kind or pixels.ndim != axes or (axes == 3 and pixels.shape[2] != 3):
         raise ValueError(f"{key}: a picture of {pixels.dtype} {pixels.shape} is not one of this project")
     return metres_from_carla(pixels).astype(np.float32) if name == "depth" else pixels
 
 
 def _document(key: str, data: bytes) -> Any:
     try:
-        return json.loads(data)
+        document = json.loads(data, parse_constant=_no_number)
     except RecursionError:
         raise ValueError(f"{key}: is nested too deeply") from None
+    if not isinstance(document, dict):
+        raise ValueError(f"{key}: is not the record of a frame")
+    return document
+
+
+def _no_number(word: str) -> NoReturn:
+    raise ValueError(f"{word} is not a number")
 
 
 def _pixels(key: str, data: bytes) -> NDArray[Any]:
@@ -79,4 +86,6 @@ def _metres(data: bytes) -> NDArray[np.float32]:
         raise ValueError(f".depth.npy: cannot be decoded: {error}") from None
     if not isinstance(metres, np.ndarray) or metres.dtype != np.float32 or metres.ndim != 2:
         raise ValueError(".depth.npy: is not a picture of float32 metres")
+    if not np.isfinite(metres).all():
+        raise ValueError(".depth.npy: has values that are not finite")
     return metres

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import io
 import pickle
 import re
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import webdataset
+from PIL import Image
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import codecs
@@ -100,9 +102,16 @@ def test_the_decoder_can_be_pickled() -> None:
     assert pickle.loads(pickle.dumps(decode)) is decode
 
 
+def _encoded(picture: Image.Image) -> bytes:
+    out = io.BytesIO()
+    picture.save(out, "PNG")
+    return out.getvalue()
+
+
 HEADER = b"{'descr': '<f4', 'fortran_order': False, 'shape': (2000000, 3000000), }"
 HUGE = b"\x93NUMPY\x01\x00\x76\x00" + HEADER.ljust(117) + b"\n"
 GREY = codecs.png(np.zeros((2, 3), np.uint8))
+TRANSPARENT = _encoded(Image.new("RGBA", (3, 2)))
 
 
 @pytest.mark.parametrize(
@@ -123,6 +132,11 @@ GREY = codecs.png(np.zeros((2, 3), np.uint8))
         (".instance.png", codecs.png(np.zeros((4097, 1), np.uint16))),
         (".rgb.png", GREY[:33] + codecs.png(np.zeros((1, 4097, 3), np.uint8))[8:]),  # a second header
         (".depth.npy", HUGE),
+        (".rgb.png", TRANSPARENT),
+        (".depth.png", TRANSPARENT),
+        (".depth.npy", codecs.npy(np.full((2, 3), np.nan, np.float32))),
+        (".json", b"[]"),
+        (".json", b'{"frame": NaN}'),
     ],
 )
 def test_damaged_files_and_other_types_are_errors(key: str, data: bytes) -> None:

@@ -22,7 +22,7 @@ _PARAMETERS = re.compile(
 )  # `;sig=...`, up to a URL that is chained to this one
 _ALL_PARAMETERS = re.compile(r";[^;?#]*?=.*")  # with what looks like a chained URL, which may be a part of a secret
 _PATHS = {"file", "local"}  # URLs of these are paths alone
-_END = re.compile(r"""['"`:;,.)\]}>]*\Z""")  # punctuation of the sentence around a URL
+_END = "'\"`:;,.)]}>"  # punctuation of the sentence around a URL
 _PORTS = {"http", "https", "ftp", "ftps", "sftp", "ssh", "smb", "hdfs", "webhdfs", "memory"}  # `host:21`, not `key:21`
 _TOKEN_LENGTH = 20  # a user name so long is a token
 _MIN_SECRET = 4  # shorter texts are masked within their URL only
@@ -56,8 +56,8 @@ def _masked(match: re.Match[str], whole: bool = False, depth: int = 0) -> str:
     if depth > _MAX_CHAINED:
         return MASK
     scheme, rest = match["scheme"], match["rest"]
-    end = None if whole else _END.search(rest)
-    rest, tail = (rest[: end.start()], end[0]) if end else (rest, "")
+    own = rest if whole else rest.rstrip(_END)
+    rest, tail = own, rest[len(own) :]
     user, password, place = _split(scheme, rest, match["slashes"])
     head = "" if place == rest else f"{user}:{MASK}@" if password is not None else f"{MASK}@"
     place, hash_, fragment = place.partition("#")
