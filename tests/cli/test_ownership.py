@@ -142,6 +142,23 @@ def test_a_dataset_of_unknown_origin_is_not_replaced_without_replace(recipe: Run
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("replace", [(), ("--replace",)])
+def test_a_dataset_is_not_replaced_by_the_recipe_in_it(recipe: Run, replace: tuple[str, ...]) -> None:
+    """What the changed recipe does not use, such as an image or the lockfile, would be removed with the dataset."""
+    write("a.yaml", RECIPE)
+    assert recipe("lock", "a.yaml").exit_code == recipe("build", "a.yaml").exit_code == 0
+    own = Path("datasets/small/recipe/a.yaml")
+    assert "exists (sizes checked" in recipe("build", own).stdout  # from now on it belongs to this recipe
+    own.write_text(OTHER_PLAN)
+    with pytest.raises(InputError, match=r"is a file of the dataset .*, which would be replaced") as caught:
+        recipe("build", own, "--output", "datasets/small", *replace)
+    assert caught.value.problems[0].code is Code.OUTPUT_IN_THE_WAY
+    assert own.read_text() == OTHER_PLAN and (own.parent / "lockfiles" / "small.lock").is_file()
+    recipe("build", own, "--output", "datasets/changed", "--replace")
+    assert manifest("datasets/changed")["plan"] != manifest("datasets/small")["plan"]
+
+
 def test_a_build_succeeds_if_the_record_of_its_recipe_cannot_be_written(
     recipe: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -88,6 +88,30 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
         )
 
 
+def check_outside(out: Path, manifest: Manifest | None, plan: DatasetPlan, source: Path | None) -> None:
+    """Check that the recipe is not a file of the dataset that is about to be replaced.
+
+    The dataset of another plan has other files: images that the recipe no longer uses, and the lockfile, would be lost.
+
+    Args:
+        out: the dataset's folder.
+        manifest: its manifest; None if there is no dataset.
+        plan: the plan to build.
+        source: the recipe's file, if known.
+
+    Raises:
+        InputError: it is one.
+    """
+    if source is None or manifest is None or manifest.get("plan") == plan.digest:
+        return
+    if source.resolve().is_relative_to(out.resolve()):
+        raise InputError(
+            f"{source} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
+            help=f"copy {source.parent} out of the dataset and build there, or choose another folder (--output)",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+
+
 def _recorded(out: Path, manifest: Manifest) -> str | None:
     """Return the recorded path of this dataset's own recipe, or None."""
     try:
