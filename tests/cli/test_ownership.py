@@ -20,6 +20,7 @@ from recipe_runtime.cache import pruning
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES
+from tests.sources import ROOT
 
 OTHER_PLAN = RECIPE.replace("HardRainNight", "WetNight")
 COMMANDS = {"build": build, "lock": lock, "verify": verify, "diff": diff, "shot": shot, "pack": pack}
@@ -157,6 +158,21 @@ def test_a_dataset_is_not_replaced_by_the_recipe_in_it(recipe: Run, replace: tup
     assert own.read_text() == OTHER_PLAN and (own.parent / "lockfiles" / "small.lock").is_file()
     recipe("build", own, "--output", "datasets/changed", "--replace")
     assert manifest("datasets/changed")["plan"] != manifest("datasets/small")["plan"]
+
+
+@pytest.mark.slow
+def test_a_repair_by_the_recipe_in_a_dataset_removes_no_file_of_it(recipe: Run) -> None:
+    image = (ROOT / "recipes" / "attacks" / "poster.png").read_bytes()
+    Path("unused.png").write_bytes(image)
+    write("a.yaml", RECIPE + "assets: {unused: {image: unused.png}}\n")
+    assert recipe("build", "a.yaml").exit_code == 0
+    own = Path("datasets/small/recipe/a.yaml")
+    own.write_text(f"# a comment\n{own.read_text()}")
+    assert recipe("build", own, "--repair").exit_code == 0
+    own.write_text(RECIPE)
+    with pytest.raises(InputError, match="is a file of the dataset"):
+        recipe("build", own, "--repair")
+    assert (own.parent / "unused.png").read_bytes() == image
 
 
 def test_a_build_succeeds_if_the_record_of_its_recipe_cannot_be_written(

@@ -146,7 +146,7 @@ def _build(
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
-    provenance.check_outside(out, manifest, dataset, source)
+    provenance.check_outside(out, manifest, dataset, source, recipe_files)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
