@@ -20,6 +20,7 @@ from recipe_runtime.cache import pruning
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES
+from tests.sources import ROOT
 
 OTHER_PLAN = RECIPE.replace("HardRainNight", "WetNight")
 COMMANDS = {"build": build, "lock": lock, "verify": verify, "diff": diff, "shot": shot, "pack": pack}
@@ -140,6 +141,38 @@ def test_a_dataset_of_unknown_origin_is_not_replaced_without_replace(recipe: Run
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
     write("a.yaml", OTHER_PLAN)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("replace", [(), ("--replace",)])
+def test_a_dataset_is_not_replaced_by_the_recipe_in_it(recipe: Run, replace: tuple[str, ...]) -> None:
+    """What the changed recipe does not use, such as an image or the lockfile, would be removed with the dataset."""
+    write("a.yaml", RECIPE)
+    assert recipe("lock", "a.yaml").exit_code == recipe("build", "a.yaml").exit_code == 0
+    own = Path("datasets/small/recipe/a.yaml")
+    assert "exists (sizes checked" in recipe("build", own).stdout  # from now on it belongs to this recipe
+    own.write_text(OTHER_PLAN)
+    with pytest.raises(InputError, match=r"is a file of the dataset .*, which would be replaced") as caught:
+        recipe("build", own, "--output", "datasets/small", *replace)
+    assert caught.value.problems[0].code is Code.OUTPUT_IN_THE_WAY
+    assert own.read_text() == OTHER_PLAN and (own.parent / "lockfiles" / "small.lock").is_file()
+    recipe("build", own, "--output", "datasets/changed", "--replace")
+    assert manifest("datasets/changed")["plan"] != manifest("datasets/small")["plan"]
+
+
+@pytest.mark.slow
+def test_a_repair_by_the_recipe_in_a_dataset_removes_no_file_of_it(recipe: Run) -> None:
+    image = (ROOT / "recipes" / "attacks" / "poster.png").read_bytes()
+    Path("unused.png").write_bytes(image)
+    write("a.yaml", RECIPE + "assets: {unused: {image: unused.png}}\n")
+    assert recipe("build", "a.yaml").exit_code == 0
+    own = Path("datasets/small/recipe/a.yaml")
+    own.write_text(f"# a comment\n{own.read_text()}")
+    assert recipe("build", own, "--repair").exit_code == 0
+    own.write_text(RECIPE)
+    with pytest.raises(InputError, match="is a file of the dataset"):
+        recipe("build", own, "--repair")
+    assert (own.parent / "unused.png").read_bytes() == image
 
 
 def test_a_build_succeeds_if_the_record_of_its_recipe_cannot_be_written(

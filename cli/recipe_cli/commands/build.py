@@ -199,7 +199,7 @@ def _inputs(request: Request) -> Inputs:
         compiled = dataclasses.replace(compiled, plan=plan, files=locked_files)
     elif lock is not None:
         _warn_if_outdated(compiled, *lock)
-    target = _target(output, compiled.plan, request.replace) if output and "://" in output else None
+    target = _target(output, folder, compiled.plan, request.replace) if output and "://" in output else None
     return Inputs(compiled, folder, lock, files, target)
 
 
@@ -231,7 +231,7 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
                     replace=request.replace,
                     recipe_files=inputs.files,
                 )
-            copied = target.put(result.path, progress, replace=request.replace) if target else None
+            copied = target.put(progress, replace=request.replace) if target else None
     except KeyboardInterrupt:
         what, remedy = build_report.interruption(compiled.plan, inputs.folder, request.repair, target)
         fail([Problem(what, help=remedy, code=Code.INTERRUPTED)])
@@ -240,15 +240,16 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
     return Outcome(inputs.folder, result, request.repair, reasons, target, copied, differences)
 
 
-def _target(url: str, plan: DatasetPlan, replace: bool) -> Target:
-    """The upload target of a URL.
+def _target(url: str, folder: Path, plan: DatasetPlan, replace: bool) -> Target:
+    """The upload target of a URL, for the dataset that is built in a folder.
 
     Raises:
-        InputError: it cannot be reached, or holds the dataset of another recipe and `replace` is not set.
+        InputError: it cannot be reached, is not apart from the folder, or holds the dataset of another recipe and
+            `replace` is not set.
     """
     from recipe_runtime.transfer.upload import Target
 
-    target = Target(url)
+    target = Target(url, folder)
     if not replace:
         target.check_replaceable(plan.recipe)
     return target

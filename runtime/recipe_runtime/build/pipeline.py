@@ -112,7 +112,8 @@ def build(
         recipe_files: files to put into the dataset's `recipe/` folder.
 
     Raises:
-        InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe.
+        InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe;
+            or `source` is a file of the dataset to be replaced.
         RunError: the host failed. Finished shards are kept, and the next build continues.
     """
     places = devices(device) if run is local.run else (device,)  # nodes of a cluster may have other devices
@@ -145,6 +146,7 @@ def _build(
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
+    provenance.check_outside(out, manifest, dataset, source, recipe_files)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.

@@ -21,6 +21,8 @@ from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import DatasetPlan
 
+from recipe_runtime.build.recipe_files import RecipeFiles
+from recipe_runtime.core import layout
 from recipe_runtime.core.files import write_atomic
 from recipe_runtime.dataset.manifest_types import Manifest
 
@@ -84,6 +86,37 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
         other = os.path.relpath(out.resolve().parent / there)
         raise InputError(
             f"{out} holds the dataset of {other}, another recipe that is named {name!r} as {source} is; {remedy}",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+
+
+def check_outside(
+    out: Path, manifest: Manifest | None, plan: DatasetPlan, source: Path | None, files: RecipeFiles | None
+) -> None:
+    """Check that the dataset to be replaced does not hold the recipe and files beside it that would be lost.
+
+    These are images that the recipe no longer uses and, if the plan has changed, the lockfile.
+
+    Args:
+        out: the dataset's folder.
+        manifest: its manifest; None if there is no dataset.
+        plan: the plan to build.
+        source: the recipe's file, if known.
+        files: the recipe's files, which the new dataset holds.
+
+    Raises:
+        InputError: it does.
+    """
+    if source is None or manifest is None:
+        return
+    kept = {f"{layout.RECIPE}/{path}" for path in files.files} if files else set()
+    lost = {path for path in manifest["files"] if layout.is_recipe_file(path)} - kept
+    if manifest.get("plan") == plan.digest and lost <= {layout.recipe_lockfile(plan.recipe)}:
+        return
+    if source.resolve().is_relative_to(out.resolve()):
+        raise InputError(
+            f"{source} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
+            help=f"copy {source.parent} out of the dataset and build there, or choose another folder (--output)",
             code=Code.OUTPUT_IN_THE_WAY,
         )
 

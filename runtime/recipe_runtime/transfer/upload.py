@@ -52,12 +52,17 @@ class Copied:
 class Target:
     """A remote place for one dataset.
 
+    Args:
+        url: the place.
+        root: the dataset's folder, which may not exist yet.
+
     Raises:
-        InputError: the URL does not lead to a usable place.
+        InputError: the URL does not lead to a usable place, or to one within a dataset or in the way of `root`.
         RunError: access is refused.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, root: Path) -> None:
+        self._root = root.absolute()
         self._full = url.rstrip("/")
         self.url = urls.shown(self._full)
         if self._full.partition("://")[0].lower() in ("http", "https"):
@@ -66,6 +71,9 @@ class Target:
             )
         with self._reported():
             self._fs, self._prefix = located(self._full)
+        if "file" in self._fs.protocol:
+            _check_local_place(Path(self._prefix), root)
+        with self._reported():
             self._existing = self._manifest()
         found = self._sizes()
         if found and self._existing is None and MARKER not in found:
@@ -88,11 +96,10 @@ class Target:
                 code=Code.OUTPUT_IN_THE_WAY,
             )
 
-    def put(self, root: Path, progress: Progress, *, replace: bool = False) -> Copied:
-        """Upload the dataset in a folder, in place of an existing one of the same recipe.
+    def put(self, progress: Progress, *, replace: bool = False) -> Copied:
+        """Upload the dataset, in place of an existing one of the same recipe.
 
         Args:
-            root: the dataset's folder.
             progress: reports progress in bytes.
             replace: whether the dataset of another recipe may be replaced.
 
@@ -103,6 +110,7 @@ class Target:
             InputError: the existing content is not a dataset or, unless `replace`, the dataset of another recipe.
             RunError: the upload failed; the next one resumes it.
         """
+        root = self._root
         body = (root / layout.MANIFEST).read_bytes()
         manifest: Manifest = json.loads(body)
         if not replace:
@@ -251,6 +259,24 @@ class Target:
 
     def _reported(self) -> AbstractContextManager[None]:
         return reported_errors(self._full, "try again: uploaded files are kept")
+
+
+def _check_local_place(place: Path, root: Path) -> None:
+    """Check that a dataset on a local disk may be copied to another folder there.
+
+    Raises:
+        InputError: the folder is that of the dataset, is in it or contains it, or is in another dataset. Files there
+            are removed before they are written again.
+    """
+    here, there = root.resolve(), place.resolve()
+    same = there.exists() and here.exists() and there.samefile(here)  # also through a mount
+    if same or here.is_relative_to(there) or there.is_relative_to(here):
+        raise InputError(
+            f"{place} is not apart from {root}, where the dataset is built",
+            help="choose a folder outside of it, or build there without a URL (--output FOLDER)",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+    manifest_reader.check_outside_datasets(place)
 
 
 def scheme_of(url: str) -> str:

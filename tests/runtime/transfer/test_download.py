@@ -45,7 +45,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def store(built: Path) -> Iterator[dict[str, Any]]:
     """Return the files of the in-memory store that the dataset was copied to, by path."""
-    Target(URL).put(built, _silent)
+    Target(URL, built).put(_silent)
     memory = fsspec.filesystem("memory")
     yield memory.store
     memory.store.clear()

@@ -39,7 +39,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 
 
 def put(url: str, root: Path) -> Copied:
-    return Target(url).put(root, lambda *_: None)
+    return Target(url, root).put(lambda *_: None)
 
 
 def local(root: Path) -> dict[str, bytes]:
@@ -73,6 +73,24 @@ def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path
     unchanged = {path for path, body in local(other).items() if before.get(path) == body}
     assert sent.kept == len(unchanged) and sent.sent < len(local(other)) / 2
     assert not list(other.parent.glob(".*sent*"))
+
+
+@pytest.mark.parametrize("place", ["{root}", "{link}", "{root}/copy", "{root}/mots/copy", "{above}"])
+def test_a_dataset_is_not_copied_to_its_own_folder(built: Path, tmp_path: Path, place: str) -> None:
+    """Files at the place are removed before they are sent: there, that would remove the dataset."""
+    root = Path(shutil.copytree(built, tmp_path / "all" / "small"))
+    (tmp_path / "link").symlink_to(root)
+    before = local(tmp_path)
+    url = f"file://{place.format(root=root, above=root.parent, link=tmp_path / 'link')}"
+    with pytest.raises(InputError, match="is not apart from"):
+        Target(url, root)
+    assert local(tmp_path) == before
+
+
+def test_a_place_within_another_dataset_is_refused(built: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is inside the dataset"):
+        Target(f"file://{built}/copy", tmp_path / "small")
+    assert not (built / "copy").exists()
 
 
 @pytest.mark.parametrize("calls", [0, 1, 7, 40])
@@ -190,7 +208,7 @@ def test_the_journal_neither_follows_a_link_nor_waits_for_a_pipe(built: Path, tm
 def test_a_url_without_a_path_is_refused(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="has no path"):
-        Target(url)
+        Target(url, tmp_path / "small")
     assert not list(tmp_path.iterdir())
 
 
@@ -199,7 +217,7 @@ def test_foreign_files_at_the_url_are_unchanged(url: str, built: Path) -> None:
     fs.makedirs(prefix, exist_ok=True)
     fs.pipe_file(f"{prefix}/thesis.tex", b"precious")
     with pytest.raises(InputError, match=r"holds files but no manifest\.json of a dataset; name another place"):
-        Target(url)
+        Target(url, built)
     fs.rm_file(f"{prefix}/thesis.tex")
     put(url, built)
     fs.pipe_file(f"{prefix}/thesis.tex", b"precious")
@@ -230,7 +248,7 @@ def test_a_damaged_file_is_not_uploaded(url: str, built: Path, tmp_path: Path) -
 def test_unsupported_urls_are_refused(url: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gcsfs", None)
     with pytest.raises(InputError, match=message):
-        Target(url)
+        Target(url, Path("small"))
 
 
 @pytest.fixture
