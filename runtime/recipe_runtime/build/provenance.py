@@ -116,7 +116,7 @@ def check_outside(
     if source.resolve().is_relative_to(out.resolve()):
         raise InputError(
             f"{source} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
-            help=f"copy {source.parent} out of the dataset and build there, or choose another folder (--output)",
+            help=f"copy {source.parent} out of the dataset and build there, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
 

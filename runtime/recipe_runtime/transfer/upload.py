@@ -273,7 +273,7 @@ def _check_local_place(place: Path, root: Path) -> None:
     if same or here.is_relative_to(there) or there.is_relative_to(here):
         raise InputError(
             f"{place} is not apart from {root}, where the dataset is built",
-            help="choose a folder outside of it, or build there without a URL (--output FOLDER)",
+            help="choose a folder outside of it, or build there without a URL",
             code=Code.OUTPUT_IN_THE_WAY,
         )
     manifest_reader.check_outside_datasets(place)
