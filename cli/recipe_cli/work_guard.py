@@ -2,7 +2,8 @@
 
 The estimate comes from a plan that may be a stranger's, and no estimate covers every mesh, image and route. A thread
 therefore measures the processor time and the memory of this process and all of its child processes. If they exceed the
-estimate several times, it interrupts the main thread as Ctrl-C does, so that every cleanup is the same.
+estimate several times, it interrupts the main thread as Ctrl-C does, so that every cleanup is the same. What a build
+writes is counted by the build itself.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
 
 TIMES, SECONDS = 4, 120.0  # of processor time: times the estimate, and added to it, for slow processors and kernels
 MEMORY_TIMES, MEMORY_BYTES = 2, 1 << 30  # the same of memory
+DISK_TIMES, DISK_BYTES = 2, 1 << 30  # the same of a dataset's files
+_REMEDY = "if that is expected, run the command again with --allow-large"
 _PAUSE = 0.25  # seconds between two measurements
+_AGAIN = 60.0  # seconds after which an interrupt is repeated that ended nothing: code in between may have caught it
 _TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -35,7 +39,7 @@ def within_estimate(
 
     Args:
         work: what the block does, for the message: `the build`.
-        cost: the estimate.
+        cost: the estimate, of one worker's time; each further worker adds its start and the scenes that it loads.
         workers: number of worker processes; None for those of a cluster, whose memory is not measured.
         device: where frames are rendered. Memory is measured on `cpu` only: drivers of GPUs take some of their own.
         allow_large: measure nothing.
@@ -48,7 +52,8 @@ def within_estimate(
         yield
         return
     memory = None if workers is None or device != "cpu" else cost.memory_with(max(workers, 1))
-    guard = _Guard(work, cost.minutes * 60, memory)
+    minutes = cost.minutes + cost.minutes_of_further_workers(workers or os.cpu_count() or 1)
+    guard = _Guard(work, minutes * 60, memory)
     try:
         with guard.watching():
             yield
@@ -57,8 +62,27 @@ def within_estimate(
             raise
         from recipe_compiler.ir.errors import Code, InputError
 
-        remedy = "if that is expected, run the command again with --allow-large"
-        raise InputError(guard.excess, help=remedy, code=Code.SIZE_LIMIT) from None
+        raise InputError(guard.excess, help=_REMEDY, code=Code.SIZE_LIMIT) from None
+
+
+def disk_bound(work: str, estimate: int, *, allow_large: bool = False) -> Callable[[int], None] | None:
+    """Return a function that adds up bytes which the work writes; None if they are not bounded.
+
+    It raises InputError when they are more than `DISK_TIMES` the estimate and `DISK_BYTES`.
+    """
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.limits import size
+
+    total = 0
+
+    def written(amount: int) -> None:
+        nonlocal total
+        total += amount
+        if total > DISK_TIMES * estimate + DISK_BYTES:
+            what = f"{work} was stopped: it writes {size(total)}, far more than the estimate of {size(estimate)}"
+            raise InputError(what, help=_REMEDY, code=Code.SIZE_LIMIT)
+
+    return None if allow_large else written
 
 
 class _Guard:
@@ -86,8 +110,10 @@ class _Guard:
         while not self._ended.wait(_PAUSE):
             self.excess = self._found()
             if self.excess is not None:
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGXCPU)
-                return
+                break
+        while self.excess is not None and not self._ended.is_set():
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGXCPU)
+            self._ended.wait(_AGAIN)
 
     def _interrupt(self, *_: object) -> None:
         if not self._ended.is_set():
@@ -130,9 +156,11 @@ def _of_descendants(read: Callable[[Path], float]) -> Iterator[float]:
     waiting = [Path("/proc/self")]
     while waiting:
         process = waiting.pop()
-        for task in sorted(process.glob("task/*/children")):
-            with suppress(OSError):  # the process has ended
-                waiting += [Path("/proc", number) for number in task.read_text().split()]
+        with suppress(OSError):  # the process has ended
+            for task in (process / "task").iterdir():
+                with suppress(OSError):  # the thread has ended
+                    children = (task / "children").read_text()
+                    waiting += [Path("/proc", number) for number in children.split()]
         if process.name != "self":
             with suppress(OSError):
                 yield read(process)
@@ -140,12 +168,12 @@ def _of_descendants(read: Callable[[Path], float]) -> Iterator[float]:
 
 def _seconds_of(process: Path) -> float:
     """Return the processor time of a process and of its children that ended."""
-    fields = (process / "stat").read_text().rpartition(")")[2].split()
+    fields = (process / "stat").read_bytes().rpartition(b")")[2].split()  # a name may be any bytes
     return sum(map(int, fields[11:15])) / _TICKS  # utime, stime, cutime, cstime of proc(5)
 
 
 def _bytes_of(process: Path) -> float:
-    for line in (process / "status").read_text().splitlines():
-        if line.startswith("RssAnon:"):
+    for line in (process / "status").read_bytes().splitlines():
+        if line.startswith(b"RssAnon:"):
             return int(line.split()[1]) * 1024
     return 0

@@ -23,7 +23,7 @@ TIME_LIMIT = 120.0  # minutes of one core
 
 # Bytes on disk.
 _BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.9, "instance": 0.006, "semantic": 0.016}  # per pixel, encoded
-_DEPTH_MOVING = 0.5  # per pixel of depth, if the camera moves
+_DEPTH_PITCHED, _DEPTH_ROLLED = 0.5, 0.9  # per pixel of depth, if the camera moves or is pitched; if it is rolled
 _FILE_HEAD, _BLOCK = 150, 4096  # header of a file; block size of the file system
 _PLAN_BYTES = (540, 900)  # of a variant's plan: per element of its town, per actor
 _TRACK_BYTES = 260  # per actor and frame
@@ -33,6 +33,8 @@ _TRUTH_BYTES = (800, 1000)  # of a frame's truth of patches: per file, per patch
 _EVENT_BYTES = 0.08  # of a variant's events: per element of its town and frame
 _SEEN, _SEEN_AT_MOST, _SEEN_NAMED = 0.1, 0.7, 0.6  # share of the actors that a frame shows; of those with a name
 _SEEN_SMALL, _SEEN_HEIGHT = 75, 0.004  # that share in a small town, times its elements; more per metre of height
+
+_SHARD_FRAMES = 5
 
 # Seconds on one core of an x86 processor of the 2020s. A megasample is a million rendered samples.
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6  # per process
@@ -100,6 +102,8 @@ class Cost:
     bytes: int
     minutes: float  # of one core, the processor time of all processes
     minutes_alone: float  # of those, the part that is not parallel
+    minutes_to_load: float  # of those, loading each scene once
+    minutes_to_load_shards: float  # loading the scene of each shard, the most that any number of workers takes
     compile_seconds: float
     compile_bytes: int
     main_memory: int  # bytes that the build and its simulation take
@@ -114,6 +118,11 @@ class Cost:
     def minutes_with(self, workers: int) -> float:
         """Minutes of a build with that many workers."""
         return self.minutes_alone + (self.minutes - self.minutes_alone) / workers
+
+    def minutes_of_further_workers(self, workers: int) -> float:
+        """Minutes of one core that workers after the first add at most: each starts, and loads its shards' scenes."""
+        further = max(min(workers, self.frames) - 1, 0)
+        return further * _START_WORKER / 60 + min(further * self.minutes_to_load, self.minutes_to_load_shards)
 
     def memory_with(self, workers: int) -> int:
         """Bytes of memory of a build with that many workers."""
@@ -226,6 +235,8 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
         bytes=_disk(loads, scenes.values(), list(observed.values()), depth),
         minutes=round((alone + shared) / 60, 2),
         minutes_alone=round(alone / 60, 2),
+        minutes_to_load=round(sum(map(_loading, scenes.values())) / 60, 2),
+        minutes_to_load_shards=round(sum(_loading(load) * _shards(load) for load in observed.values()) / 60, 2),
         compile_seconds=round(compile_seconds, 1),
         compile_bytes=round(compile_bytes),
         main_memory=main + round(compile_bytes),
@@ -241,6 +252,11 @@ def _kinds(view: Clip, depth: str) -> list[str]:
 def _clip(load: Load) -> int:
     """The number of frames of a clip, as near as its sensors tell it."""
     return max((view.frames * view.interval for view in load.views), default=0)
+
+
+def _shards(load: Load) -> int:
+    """The number of shards of an observation."""
+    return sum(-(-view.frames // _SHARD_FRAMES) for view in load.views)
 
 
 def _labelled(load: Load, view: Clip) -> float:
@@ -309,8 +325,10 @@ def _blocks(amount: float) -> int:
 
 
 def _rate(view: Clip, kind: str) -> float:
-    """Encoded bytes per pixel."""
-    return _DEPTH_MOVING if kind == "depth" and not view.still else _BYTES[kind]
+    """Encoded bytes per pixel. In the picture of a level camera, each row of the ground has one depth."""
+    if kind == "depth" and (view.rolled or (view.bends and view.pitched)):
+        return _DEPTH_ROLLED
+    return _DEPTH_PITCHED if kind == "depth" and (view.bends or view.pitched or not view.still) else _BYTES[kind]
 
 
 def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Sequence[Load], depth: str) -> int:

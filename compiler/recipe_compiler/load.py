@@ -22,6 +22,9 @@ class Clip:
     boxes: int = 0  # buildings and walls that shorten its arm
     history: int = 0  # earlier frames that its arm reads at each frame
     height: float = 0.0  # metres, of its highest point; above the actor that carries it
+    bends: bool = False  # with lens distortion
+    pitched: bool = False  # looks up or down
+    rolled: bool = False  # tilted to a side
 
 
 @dataclass(frozen=True)

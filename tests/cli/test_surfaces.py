@@ -16,6 +16,7 @@ from recipe_cli.words import option_help
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.limits import Memory
+from recipe_runtime.frames.surface_views import estimated_cost
 
 from tests.sources import ROOT
 
@@ -119,6 +120,36 @@ def test_flat_surfaces_are_shown_on_a_sheet(tmp_path: Path) -> None:
     sheet = np.asarray(Image.open(tmp_path / "surfaces-1.jpg")).astype(int)
     middle = sheet[60:90, 90:120].mean(axis=(0, 1))
     assert middle[1] > middle[0] + 40 and middle[1] > middle[2] + 40
+
+
+def test_surfaces_of_a_flat_turned_mesh_are_listed_drawn_around_and_painted(tmp_path: Path) -> None:
+    """A plane has two sides; a patch on them compiles at each yaw; walls near it are drawn with the mesh."""
+    (tmp_path / "plane.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
+    for yaw in (-90, 0, 180):
+        recipe = {
+            "recipe": "flat",
+            "assets": {"plane": {"mesh": "plane.obj"}},
+            "base": {
+                "clock": {"fps": 10, "frames": 1},
+                "town": "downtown",
+                "props": {"sign": {"asset": "plane", "at": {"x": 5, "y": 2, "yaw": yaw}}},
+                "patches": {"paint": {"on": {"prop": "sign", "surface": "body"}, "texture": {"color": "#ff0000"}}},
+                "sensors": {"cam": {"mount": {"x": 0, "y": 2, "z": 2}, "capture": ["rgb"]}},
+            },
+        }
+        path = tmp_path / "flat.yaml"
+        path.write_text(json.dumps(recipe))
+        (patch,) = compile_recipe(path).plan.variants[0].appearance.patches
+        assert len(patch.faces) == 2
+    assert run(str(path), "sign").stdout.splitlines()[1].split()[:3] == ["prop", "sign", "body"]
+    run(str(path), "wall.0", "-o", str(tmp_path / "sheets"))
+    assert (tmp_path / "sheets" / "surfaces-1.jpg").exists()
+
+
+def test_triangles_of_props_are_part_of_the_estimate() -> None:
+    scene = compile_recipe(POSTER).plan.variants[0].scene
+    bare, full = (estimated_cost(scene, 100, triangles) for triangles in (0, 4_000_000))
+    assert full.seconds - bare.seconds > 60 and full.memory - bare.memory > 1 << 30
 
 
 @pytest.mark.parametrize(

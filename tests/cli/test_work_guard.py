@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -126,6 +127,42 @@ def test_an_error_in_place_of_the_interrupt_is_recognized(cost: Cost) -> None:
             raise ValueError("a serializer failed") from None
 
 
+@pytest.mark.usefixtures("strict")
+def test_an_interrupt_that_the_work_ignores_is_repeated(cost: Cost, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(work_guard, "_AGAIN", 0.2)
+    with pytest.raises(InputError, match="the work was stopped"), within_estimate("the work", cost, workers=1):
+        with suppress(KeyboardInterrupt):
+            _burn()
+        _burn()
+
+
+def test_a_child_that_ends_while_it_is_measured_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error in the thread would end the guard, with a traceback on the terminal."""
+
+    def ended(read: Callable[[object], object]) -> Callable[[object], object]:
+        def listing(path: object = ".") -> object:
+            if str(path).startswith(f"/proc/{child.pid}/"):
+                raise FileNotFoundError(str(path))
+            return read(path)
+
+        return listing
+
+    with subprocess.Popen([sys.executable, "-c", HOLD]) as child:
+        with monkeypatch.context() as patch:
+            for name in ("listdir", "scandir"):
+                patch.setattr(os, name, ended(getattr(os, name)))
+            assert work_guard._processor_seconds() > 0 and work_guard._memory_bytes() > 0
+        child.kill()
+
+
+@pytest.mark.usefixtures("strict")
+def test_each_worker_may_load_the_scenes_again(cost: Cost) -> None:
+    """With 14 workers, a build of one large town took ten times its estimate."""
+    loading = dataclasses.replace(cost, frames=100, minutes_to_load=0.1, minutes_to_load_shards=1.0)
+    with within_estimate("the work", loading, workers=4):
+        _run("import time\nwhile time.process_time() < 3: pass")
+
+
 def test_interrupts_and_errors_of_the_work_are_not_changed(cost: Cost) -> None:
     for kind in (KeyboardInterrupt, ValueError, SystemExit):
         with pytest.raises(kind), within_estimate("the work", cost, workers=1):
@@ -157,6 +194,21 @@ def test_a_stopped_build_says_so_and_continues_with_allow_large(path: Path, monk
     assert not (folder / "datasets" / "small").exists()
     again = run_here("build", path, "--allow-large", cwd=folder, RECIPE_CACHE=str(folder / "cache"))
     assert again.returncode == 0 and "resumed from the stopped build" in again.stdout
+
+
+def test_a_build_that_writes_far_more_than_estimated_is_stopped(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = path.parent
+    monkeypatch.setattr(build, "engines_for", lambda compiled: ENGINES)
+    monkeypatch.setattr(build, "_runner", lambda ray: nullcontext(lambda *a: local.run(a[0], a[1], 0, a[3], a[4])))
+    with monkeypatch.context() as patch:
+        patch.setattr(work_guard, "DISK_TIMES", 0)
+        patch.setattr(work_guard, "DISK_BYTES", 1 << 10)
+        stopped = run_here("build", path, cwd=folder, RECIPE_CACHE=str(folder / "cache"))
+    assert stopped.returncode == 2, stopped.stderr
+    assert "error[size-limit]: the build was stopped: it writes" in stopped.stderr
+    assert not (folder / "datasets" / "small").exists()
+    again = run_here("build", path, "--allow-large", cwd=folder, RECIPE_CACHE=str(folder / "cache"))
+    assert again.returncode == 0, again.stderr
 
 
 @pytest.mark.parametrize("command", ["shot", "lock", "verify"])

@@ -242,6 +242,37 @@ def test_time_is_estimated_for_one_and_many_cores_and_depends_on_motion() -> Non
     assert cost.minutes_with(1000) == pytest.approx(cost.minutes_alone, rel=0.02)
 
 
+def test_each_worker_starts_and_loads_the_scenes_of_its_shards() -> None:
+    view = Clip(frames=50, pixels=256, samples=256, capture=("semantic",))
+    cost = total([Load("scene", "rig", "look", steps=1, actors=0, views=(view,), elements=4000)], "carla")
+    assert cost.minutes_of_further_workers(1) == 0.0
+    assert cost.minutes_of_further_workers(3) == pytest.approx(2 * cost.minutes_of_further_workers(2))
+    assert cost.minutes_of_further_workers(2) > cost.minutes_to_load == pytest.approx(0.15, abs=0.01)
+    most = cost.minutes_to_load_shards
+    assert most == pytest.approx(10 * cost.minutes_to_load, rel=0.05)  # 50 frames are 10 shards
+    assert cost.minutes_of_further_workers(50) == pytest.approx(49 * 2.2 / 60 + most)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "rate"),
+    [
+        ({"mount": {"x": 0, "y": 0, "z": 3}}, 0.2),
+        ({"mount": {"x": 0, "y": 0, "z": 3, "pitch": 15}}, 0.6),
+        ({"mount": {"x": 0, "y": 0, "z": 3, "roll": 10}}, 0.9),
+        ({"mount": {"x": 0, "y": 0, "z": 3}, "camera": {"lens_k": 0.3}}, 0.6),
+    ],
+    ids=["level", "pitched", "rolled", "lens"],
+)
+def test_the_size_of_depth_depends_on_the_tilt_of_the_camera(sensor: dict[str, Any], rate: float) -> None:
+    """As measured in bytes per pixel: where rows of the ground are not level, depth compresses five times less."""
+    camera = {"width": 800, "height": 600, **sensor.get("camera", {})}
+    found = compiled(
+        small() | {"base": small()["base"] | {"sensors": {"s": sensor | {"capture": ["depth"], "camera": camera}}}}
+    )
+    cost = found.cost
+    assert cost.bytes / cost.frames / 480_000 == pytest.approx(rate, rel=0.6)
+
+
 SMALL_CLIP = Clip(frames=100, pixels=30_000, samples=30_000, capture=("rgb", "depth"))
 
 

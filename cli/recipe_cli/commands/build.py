@@ -40,7 +40,7 @@ from recipe_cli.places import (
 )
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import url_with_one_slash
-from recipe_cli.work_guard import within_estimate
+from recipe_cli.work_guard import disk_bound, within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -230,6 +230,7 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
                     source=request.source,
                     replace=request.replace,
                     recipe_files=inputs.files,
+                    written=disk_bound("the build", compiled.cost.bytes, allow_large=request.allow_large),
                 )
             copied = target.put(progress, replace=request.replace) if target else None
     except KeyboardInterrupt:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,6 +37,16 @@ class _Body:
     actor: ActorPlan | None = None
 
 
+@dataclass(frozen=True)
+class _Scene:
+    """A scene to draw, its colours, and the files and the triangles of its props."""
+
+    plan: ScenePlan
+    looks: Looks
+    places: Mapping[str, Path] = field(default_factory=dict)
+    triangles: int = 0
+
+
 @click.command("surfaces")
 @click.argument("where", metavar="TOWN|BLUEPRINT|RECIPE", shell_complete=completion.surface_owner)
 @click.argument("pattern", default="*")
@@ -62,7 +72,7 @@ def command(
     cover the entire body or shirt; a patch on another surface is a rectangle, at most of the listed size. The yaw that
     a surface faces is counter-clockwise from +x.
     """
-    scene, looks, bodies = _found(where, variant, allow_large)
+    scene, bodies = _found(where, variant, allow_large)
     bodies = [body for body in bodies if fnmatchcase(body.name, pattern)]
     _check_some(where, pattern, bodies)
     if output is not None and not allow_large:
@@ -70,13 +80,13 @@ def command(
     if not as_json:
         _print_table(bodies)
     if output is not None:
-        _draw(scene, looks, bodies, output, replace)
+        _draw(scene, bodies, output, replace)
     if as_json:
         print_json([_row(body, surface) for body in bodies for surface in body.surfaces])
 
 
-def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePlan | None, Looks | None, list[_Body]]:
-    """Return the scene of a recipe or a town, its colours, and its bodies; of blueprints, only bodies."""
+def _found(where: str, variant: str | None, allow_large: bool) -> tuple[_Scene | None, list[_Body]]:
+    """Return the scene of a recipe or a town, and its bodies; of blueprints, only bodies."""
     from recipe_compiler.checks.references import blueprint_remedy
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.ir.plan import Clock, Looks, ScenePlan
@@ -84,19 +94,21 @@ def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePla
     from recipe_compiler.schema.messages import nearest
 
     if Path(where).exists() or Path(where).suffix in completion.SUFFIXES:
-        plan = compile_quietly(Path(where), allow_large=allow_large).plan.named(variant)
-        return plan.scene, plan.appearance.looks, list(_of_scene(plan.scene))
+        compiled = compile_quietly(Path(where), allow_large=allow_large)
+        plan, sizes = compiled.plan.named(variant), {asset.file.sha256: asset.triangles for asset in compiled.assets}
+        triangles = sum(sizes[prop.mesh.sha256] for prop in plan.scene.props if prop.mesh is not None)
+        return _Scene(plan.scene, plan.appearance.looks, compiled.places, triangles), list(_of_scene(plan.scene))
     if where in towns.NAMES:
         town = towns.build(where, 0, {})
         scene = ScenePlan(clock=Clock(fps=10, frames=1, physics=240), town=town.plan, actors=())
-        return scene, Looks.model_construct(root=town.looks), list(_of_scene(scene))
+        return _Scene(scene, Looks.model_construct(root=town.looks)), list(_of_scene(scene))
     specimens = [blueprints.specimen(blueprint)[0] for blueprint in blueprints.match(where)]
     if not specimens:
         remedy, family = nearest(where, [*towns.NAMES, *blueprints.names()]), blueprint_remedy(where)
         if family.startswith("did you mean") and not remedy.startswith("did you mean"):
             remedy = family
         raise InputError(f"{where}: there is no such recipe, town or blueprint", help=remedy, code=Code.UNKNOWN_NAME)
-    return None, None, [_Body("actor", a.name, tuple(surfaces.actor_surfaces(a)), a) for a in specimens]
+    return None, [_Body("actor", a.name, tuple(surfaces.actor_surfaces(a)), a) for a in specimens]
 
 
 def _of_scene(scene: ScenePlan) -> Iterator[_Body]:
@@ -121,14 +133,14 @@ def _check_some(where: str, pattern: str, bodies: list[_Body]) -> None:
         raise InputError(message, help="omit the pattern to list all", code=Code.UNKNOWN_NAME)
 
 
-def _check_cost(where: str, scene: ScenePlan | None, bodies: list[_Body]) -> None:
+def _check_cost(where: str, scene: _Scene | None, bodies: list[_Body]) -> None:
     """Raise InputError if the pictures take more time than the limit, or more memory than this host has."""
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.limits import size
     from recipe_runtime.frames.surface_views import ViewsCost, estimated_cost
 
     maps, views = len(_texture_maps(bodies)), len(_static_patches(bodies))
-    cost = estimated_cost(scene, views) if scene is not None else ViewsCost(0.0, 0)
+    cost = estimated_cost(scene.plan, views, scene.triangles) if scene is not None else ViewsCost(0.0, 0)
     seconds, host = cost.seconds + maps * _MAP_SECONDS, memory(workers=1)
     reasons = []
     if seconds > _TIME_LIMIT:
@@ -197,7 +209,7 @@ def _face(surface: object) -> PatchFace:
     return surface.face(*surface.middle, *surface.size)
 
 
-def _draw(scene: ScenePlan | None, looks: Looks | None, bodies: list[_Body], folder: Path, replace: bool) -> None:
+def _draw(scene: _Scene | None, bodies: list[_Body], folder: Path, replace: bool) -> None:
     from recipe_runtime.core.outputs import check_output, write_output
     from recipe_runtime.meshes.actors import actor_body
     from recipe_runtime.report.texture_maps import texture_map
@@ -218,8 +230,8 @@ def _draw(scene: ScenePlan | None, looks: Looks | None, bodies: list[_Body], fol
             assert body.actor is not None
             mesh = actor_body(body.actor)
             write_output(path, texture_map(surface.islands, surface.aspect, mesh, surface.slots), replace=replace)
-        if scene is not None and looks is not None:
-            _draw_sheets(scene, looks, dict(zip(pages, sheets, strict=True)), progress, replace)
+        if scene is not None:
+            _draw_sheets(scene, dict(zip(pages, sheets, strict=True)), progress, replace)
     say(f"{folder}: {count(len(maps), 'texture map')}, {count(len(pages), 'sheet')}", err=True)
 
 
@@ -244,15 +256,14 @@ def _static_patches(bodies: list[_Body]) -> list[PatchPlan]:
     ]
 
 
-def _draw_sheets(
-    scene: ScenePlan, looks: Looks, sheets: dict[Path, list[PatchPlan]], progress: Progress, replace: bool
-) -> None:
+def _draw_sheets(scene: _Scene, sheets: dict[Path, list[PatchPlan]], progress: Progress, replace: bool) -> None:
+    from recipe_runtime.core.asset_files import Assets
     from recipe_runtime.core.outputs import write_output
     from recipe_runtime.frames.surface_views import surface_views
     from recipe_runtime.report.catalogue import sheet
 
     every = [patch for patches in sheets.values() for patch in patches]
-    views, done = surface_views(scene, looks, every), 0
+    views, done = surface_views(scene.plan, scene.looks, every, assets=Assets(scene.places)), 0
     for path, patches in sheets.items():
         drawn = []
         for patch in patches:

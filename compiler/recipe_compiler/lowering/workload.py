@@ -164,6 +164,9 @@ def _views(base: Base, elements: int) -> tuple[Clip, ...]:
             round(elements * _BOXES) if arms.is_shortened(s) else 0,
             arms.earlier_frames(s, base.clock.fps),
             _height(s),
+            optics.bends(s.camera),
+            s.mount.pitch != 0.0,
+            s.mount.roll != 0.0 or bool(s.motion.rotation and s.motion.rotation.roll),
         )
         for s in base.sensors.values()
     )
@@ -251,6 +254,9 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> Load:
             0 if s.arm is None else len(s.arm.obstacles),
             0 if s.arm is None else history(s.arm.decay),
             max(pose.z for pose in s.poses),
+            optics.bends(s.camera),
+            any(pose.pitch for pose in s.poses),
+            any(pose.roll for pose in s.poses),
         )
         for s in plan.rig.sensors
     )

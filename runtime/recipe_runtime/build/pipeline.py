@@ -89,6 +89,7 @@ def build(
     source: Path | None = None,
     replace: bool = False,
     recipe_files: RecipeFiles | None = None,
+    written: Callable[[int], None] | None = None,
 ) -> BuildResult:
     """Build a dataset in the folder `out`, or return at once if it exists already.
 
@@ -110,6 +111,8 @@ def build(
         source: the recipe's file; with it, two recipes of one name are distinguished (`provenance`).
         replace: whether the dataset of another recipe may be replaced.
         recipe_files: files to put into the dataset's `recipe/` folder.
+        written: called with the bytes of the dataset's files as they are written or resumed; what it raises ends the
+            build.
 
     Raises:
         InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe;
@@ -118,7 +121,7 @@ def build(
     """
     places = devices(device) if run is local.run else (device,)  # nodes of a cluster may have other devices
     job = Job(dataset, engines or real_engines(), places, cache or default_cache(), None, resumes=True)
-    stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain)
+    stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain, written)
     pruned = [job.cache] if cache else pruning.folders()
     return _build(stages, out.absolute(), source, recipe_files, pruned, repair=repair, replace_other=replace)
 
@@ -151,7 +154,10 @@ def _build(
         provenance.check_replaceable(out, manifest, dataset, source)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
     trusted = not damage or earlier(store, out) is not None
-    with pruning.leased(store.root), _workspace(dataset, out, journal_key(store.root), replace_other) as work:
+    with (
+        pruning.leased(store.root),
+        _workspace(dataset, out, journal_key(store.root), replace_other, stages.written) as work,
+    ):
         counts, manifest = stages.run_all(work, out, recipe_files)
     if trusted:
         remember(store, out, dataset)
@@ -179,8 +185,14 @@ def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> i
     return 0 if key is None else _workspace(dataset, out.absolute(), key).kept()
 
 
-def _workspace(dataset: DatasetPlan, out: Path, key: bytes, replace: bool = False) -> Workspace:
-    return Workspace(out, {**head(dataset), "builder": builder_identity()}, replace=replace, key=key)
+def _workspace(
+    dataset: DatasetPlan,
+    out: Path,
+    key: bytes,
+    replace: bool = False,
+    written: Callable[[int], None] | None = None,
+) -> Workspace:
+    return Workspace(out, {**head(dataset), "builder": builder_identity()}, replace=replace, key=key, written=written)
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:
@@ -208,6 +220,7 @@ class _Stages:
     shard_frames: int
     run: Runner
     explain: Callable[[list[str]], None] | None
+    written: Callable[[int], None] | None
     examined: Examined | None = None  # the dataset to repair
     timings: Timings = field(default_factory=Timings)
 

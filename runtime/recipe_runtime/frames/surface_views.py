@@ -27,6 +27,7 @@ _NEAREST, _FARTHEST = 2.5, 40.0  # metres
 _START, _START_ELEMENT = 2.0, 0.0022  # seconds: kernels and shadow maps; meshes, per element of the town
 _VIEW, _VIEW_ELEMENT = 0.22, 0.00005  # seconds a view; per element of the town
 _MEMORY, _MEMORY_ELEMENT = 640 << 20, 125_000  # bytes; per element of the town
+_START_TRIANGLE, _VIEW_TRIANGLE, _MEMORY_TRIANGLE = 7e-6, 1.5e-7, 520  # per triangle of the props' meshes
 
 
 class ViewsCost(NamedTuple):
@@ -36,17 +37,23 @@ class ViewsCost(NamedTuple):
     memory: int
 
 
-def estimated_cost(scene: ScenePlan, views: int) -> ViewsCost:
-    """Estimate the cost of so many views of a scene."""
+def estimated_cost(scene: ScenePlan, views: int, triangles: int = 0) -> ViewsCost:
+    """Estimate the cost of so many views of a scene whose props have that many triangles."""
     if not views:
         return ViewsCost(0.0, 0)
     elements = len(scene.town.elements) + len(scene.props)
-    seconds = _START + elements * _START_ELEMENT + views * (_VIEW + elements * _VIEW_ELEMENT)
-    return ViewsCost(seconds, _MEMORY + elements * _MEMORY_ELEMENT)
+    seconds = _START + elements * _START_ELEMENT + triangles * _START_TRIANGLE
+    seconds += views * (_VIEW + elements * _VIEW_ELEMENT + triangles * _VIEW_TRIANGLE)
+    return ViewsCost(seconds, _MEMORY + elements * _MEMORY_ELEMENT + triangles * _MEMORY_TRIANGLE)
 
 
 def surface_views(
-    scene: ScenePlan, looks: Looks, patches: Sequence[PatchPlan], width: int = 400, height: int = 300
+    scene: ScenePlan,
+    looks: Looks,
+    patches: Sequence[PatchPlan],
+    width: int = 400,
+    height: int = 300,
+    assets: Assets | None = None,
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield a picture [H, W, 3] of each patch, a rectangle on the static scene, as the placeholder by day.
 
@@ -56,11 +63,13 @@ def surface_views(
         patches: the patches.
         width: of a picture, in pixels.
         height: the same.
+        assets: the files of its props; None if they have none.
     """
     from recipe_runtime.render.renderer import Renderer
 
     empty = scene.model_copy(update={"actors": ()})
-    renderer = Renderer(scene_bodies(empty, Assets()))
+    assets = assets or Assets()
+    renderer = Renderer(scene_bodies(empty, assets), images=assets.image)
     parts = SceneMotion(empty, _still()).parts(0)
     camera = CameraPlan(width=width, height=height, fov=_FIELD)
     for patch in patches:

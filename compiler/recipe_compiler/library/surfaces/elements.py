@@ -200,4 +200,4 @@ def _turned(v: Vec, pose: Pose) -> Vec:
     sine, cosine = exact.sin_cos_deg(pose.pitch)
     x, z = cosine * x + sine * z, cosine * z - sine * x
     sine, cosine = exact.sin_cos_deg(pose.yaw)
-    return cosine * x - sine * y, sine * x + cosine * y, z
+    return cosine * x - sine * y + 0.0, sine * x + cosine * y + 0.0, z + 0.0  # -0.0 becomes 0.0

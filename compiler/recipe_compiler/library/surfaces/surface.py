@@ -137,7 +137,8 @@ def texture_map(name: str, body: str, slots: tuple[str, ...], rows: Sequence[Seq
         for side in row:
             w, h = side.size
             region = left / wide, top / high, min((left + w) / wide, 1.0), min((top + h) / high, 1.0)
-            islands.append((side.name, side.face(region)))
+            if min(w, h) > 0.0:  # a flat mesh has no other sides
+                islands.append((side.name, side.face(region)))
             left += w + gap
         top += tall + gap
     return WholeSurface(name, body, slots, tuple(islands), wide / high)
