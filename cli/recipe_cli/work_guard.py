@@ -157,7 +157,7 @@ def _of_descendants(read: Callable[[Path], float]) -> Iterator[float]:
     while waiting:
         process = waiting.pop()
         with suppress(OSError):  # the process has ended
-            for task in (process / "task").iterdir():
+            for task in sorted((process / "task").iterdir()):
                 with suppress(OSError):  # the thread has ended
                     children = (task / "children").read_text()
                     waiting += [Path("/proc", number) for number in children.split()]
