@@ -123,12 +123,15 @@ def _merged_over(below: Value, above: Value, merger: Merger) -> Value:
 def _joined(below: Value | None, above: Value, depth: int = 0) -> Value:
     """Merge deltas over deltas. They are patches themselves: a null in one is kept, since it removes from the base.
 
-    A null for a whole axis, or for one of its values, removes that. A shorthand that is merged with a map replaces
-    what the base has, as the shorthand alone does.
+    A null for a whole axis, or for one of its values, removes that. A map over something else, such as a shorthand or
+    a null, replaces what the base has, as that alone does.
     """
     if not isinstance(above.data, dict):
         return above
-    entries, keys, replaces = ({}, {}, False) if below is None else (dict(below.map), dict(below.keys), below.replaces)
+    entries, keys, replaces = {}, {}, False
+    if below is not None:
+        entries, keys = dict(below.map), dict(below.keys)
+        replaces = below.replaces or not isinstance(below.data, dict)
     short = expand_shorthands(Value(entries, above.place)).map if depth == 2 else entries
     for key, value in above.map.items():
         keys[key] = above.key_place(key)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from recipe_compiler.source.file_help import nearest_file
 from recipe_compiler.source.merge import Merger, expand_shorthands, read
@@ -122,6 +123,7 @@ def test_a_delta_of_an_extending_file_may_remove(tmp_path: Path) -> None:
         ("{weather: {fog_density: 9}}", "{weather: HardRainNoon}", {"preset": "HardRainNoon"}),
         ("{weather: {fog_density: 9}}", "{weather: {wetness: 5}}", {"preset": "A", "fog_density": 9, "wetness": 5}),
         ("{weather: HardRainNoon}", "{}", {"preset": "HardRainNoon"}),
+        ("{weather: null}", "{weather: {wetness: 5}}", {"wetness": 5}),
     ],
 )
 def test_a_delta_over_a_shorthand_keeps_it(tmp_path: Path, below: str, above: str, merged: dict[str, Any]) -> None:
@@ -134,6 +136,26 @@ def test_a_delta_over_a_shorthand_keeps_it(tmp_path: Path, below: str, above: st
     assert root is not None
     patched = expand_shorthands(Merger().merge(root.map["base"], root.map["deltas"].map["w"].map["rain"]))
     assert patched.map["weather"].plain == merged
+
+
+few = st.none() | st.integers(0, 1)
+maps = st.dictionaries(st.sampled_from("ab"), few | st.dictionaries(st.sampled_from("ab"), few), min_size=1)
+
+
+@pytest.mark.slow
+@given(base=maps, below=maps, above=maps)
+@example(base={"a": {"b": 1}}, below={"a": None}, above={"a": {"a": 1}})
+@example(base={"a": {"b": 1}}, below={"a": 1}, above={"a": {"a": 1}})
+def test_joined_deltas_change_a_base_as_one_after_the_other(base: Any, below: Any, above: Any) -> None:
+    """A delta over a delta of an extended file: also where one removes or replaces what the other changes."""
+    layers = {"base": base, "deltas": {"w": {"a": below}}}, {"extends": "below.yaml", "deltas": {"w": {"a": above}}}
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "below.yaml").write_text(json.dumps(layers[0]))
+        (Path(folder) / "recipe.yaml").write_text(json.dumps(layers[1]))
+        merged = read(Path(folder) / "recipe.yaml").root
+    assert merged is not None
+    delta = merged.map["deltas"].map["w"].map["a"]
+    assert Merger().merge(merged.map["base"], delta).plain == reference(reference(base, below), above)
 
 
 def test_a_name_without_its_ending_is_recognised(tmp_path: Path) -> None:
