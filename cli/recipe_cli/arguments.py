@@ -77,7 +77,7 @@ JSON = click.option(
     callback=_note_json,
     help="Print one JSON document.",
 )
-ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Continue although the recipe exceeds the size limit.")
+ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Continue although a size limit is exceeded.")
 DEVICE = click.option(
     "--device",
     default="cpu",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
     from recipe_compiler.limits import Memory
+    from recipe_runtime.dataset.reader import Dataset
 
 FOLDER = "lockfiles"
 _MARKERS = ("pyproject.toml", ".git", FOLDER)  # a folder that holds one of these is a project's root
@@ -183,6 +185,29 @@ def _check_stores_files(folder: Path, parent: Path) -> None:
             help="choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         ) from None
+
+
+def check_bytes(dataset: Dataset, *, allow_large: bool) -> None:
+    """Check that a dataset, which is untrusted and whose files are all to be read, is not very large.
+
+    Raises:
+        InputError: its files have more bytes than those of a recipe may have, and `allow_large` is not set.
+    """
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.limits import BYTE_LIMIT, size
+
+    sizes = dict[tuple[int, int], int]()  # a file with several names counts once
+    for path in () if allow_large else dataset.files:
+        with suppress(OSError):
+            there = (dataset.root / path).lstat()
+            sizes[there.st_dev, there.st_ino] = there.st_size
+    total = sum(sizes.values())
+    if total > BYTE_LIMIT:
+        raise InputError(
+            f"{dataset.name}: its files have {size(total)}, over {size(BYTE_LIMIT)}",
+            help="give --allow-large if that is expected",
+            code=Code.SIZE_LIMIT,
+        )
 
 
 def memory(workers: int) -> Memory:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from recipe_cli.commands.verify import _checked_cost, command
+from recipe_cli.main import recipe
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import read_source, skeleton
@@ -18,6 +19,7 @@ from recipe_runtime.verify.verify import Options, verify
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime import fakes
+from tests.sources import ROOT
 
 PLAN = fakes.dataset_plan(frames=2, weathers=1)
 
@@ -34,6 +36,28 @@ def test_a_plan_over_the_limits_is_refused_unless_allowed(built: Path, monkeypat
         _checked_cost(datasets.read(built).plan, "tiny", False)
     assert "--allow-large" in str(caught.value)
     _checked_cost(datasets.read(built).plan, "tiny", True)
+
+
+@pytest.mark.parametrize("arguments", [("verify", "--integrity"), ("export", "--output", "shards")])
+def test_a_dataset_of_many_bytes_is_not_read_unless_allowed(
+    built: Path, tmp_path: Path, arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sparse files of terabytes fit in an archive of kilobytes, and hashing them takes hours."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", 10_000)
+    refused = CliRunner().invoke(recipe, [*arguments, str(built)])
+    assert isinstance(refused.exception, InputError) and "over 10 KiB" in str(refused.exception)
+    assert "--allow-large" in str(refused.exception) and not list(tmp_path.iterdir())
+    assert CliRunner().invoke(recipe, [*arguments, str(built), "--allow-large"]).exit_code == 0
+
+
+@pytest.mark.slow
+def test_the_meshes_of_a_dataset_count_as_the_largest() -> None:
+    """Regression: plans have no sizes of meshes, and verifying a dataset with large ones was stopped."""
+    plan = compile_recipe(ROOT / "recipes" / "assets" / "props.yaml").plan
+    least, most = _checked_cost(PLAN, "tiny", False), _checked_cost(plan, "props", False)
+    assert most.worker_memory > least.worker_memory + (2 << 30)
+    assert least == plan_cost(PLAN)
 
 
 @pytest.mark.slow

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, cast
 import click
 from recipe_compiler.ir.plurals import count
 
-from recipe_cli.arguments import JSON, LocalPath, output_option, replace_option
+from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, output_option, replace_option
 from recipe_cli.console import print_json, say, warn
+from recipe_cli.places import check_bytes
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ _MAX_NAMES = 20  # of sensors in a warning
 )
 @click.option("--patch", metavar="NAME", help="The patch that armory exports; default: the first of each variant.")
 @replace_option("Replace another export, but no other folder.")
+@ALLOW_LARGE
 @JSON
 def command(
     dataset: Path,
@@ -51,6 +53,7 @@ def command(
     shard_size: str,
     patch: str | None,
     replace: bool,
+    allow_large: bool,
     as_json: bool,
 ) -> None:
     """Export the frames of DATASET, a folder that `recipe build` wrote, to OUT.
@@ -69,7 +72,7 @@ def command(
     from recipe_compiler.limits import size
     from recipe_runtime.cache import pruning
     from recipe_runtime.dataset.reader import read
-    from recipe_runtime.transfer import layouts, shards
+    from recipe_runtime.transfer import shards
 
     shard_bytes = pruning.bytes_of(shard_size)
     if not 1 <= shard_bytes <= _MAX_SHARD:
@@ -78,22 +81,13 @@ def command(
             help="write for example 500M or 1G",
             code=Code.OUT_OF_RANGE,
         )
+    found = read(dataset)
+    check_bytes(found, allow_large=allow_large)
     if form != "webdataset":
-        found = read(dataset)
-        with Progress(quiet=as_json) as progress:
-            made = layouts.export_layout(found, folder, cast("Layout", form), progress, patch=patch, replace=replace)
-        if form == "kitti":
-            _warn_of_distortion(found)
-        total = sum(cast("int", row[0]) for row in made["files"].values())
-        left_out = {"left_out": _report_left_out(folder, made["files"], as_json)} if form == "armory" else {}
-        if as_json:
-            print_json({**made, "files": len(made["files"]), "bytes": total, **left_out})
-            return
-        say(f"{folder}: {count(len(made['files']), 'file')}, {size(total)}")
-        say(made["dataset"])
+        _export_layout(found, folder, cast("Layout", form), patch, replace=replace, as_json=as_json)
         return
     with Progress(quiet=as_json) as progress:
-        index = shards.webdataset(read(dataset), folder, progress, shard_bytes, replace=replace)
+        index = shards.webdataset(found, folder, progress, shard_bytes, replace=replace)
     if as_json:
         print_json(index)
         return
@@ -102,6 +96,26 @@ def command(
     samples = sum(shard["samples"] for shard in written)
     say(f"{folder}: {count(samples, 'sample')} in {count(len(written), 'shard')}, {size(total)}")
     say(index["dataset"])
+
+
+def _export_layout(
+    dataset: Dataset, folder: Path, form: Layout, patch: str | None, *, replace: bool, as_json: bool
+) -> None:
+    """Export to the layout of a benchmark, and report."""
+    from recipe_compiler.limits import size
+    from recipe_runtime.transfer import layouts
+
+    with Progress(quiet=as_json) as progress:
+        made = layouts.export_layout(dataset, folder, form, progress, patch=patch, replace=replace)
+    if form == "kitti":
+        _warn_of_distortion(dataset)
+    total = sum(cast("int", row[0]) for row in made["files"].values())
+    left_out = {"left_out": _report_left_out(folder, made["files"], as_json)} if form == "armory" else {}
+    if as_json:
+        print_json({**made, "files": len(made["files"]), "bytes": total, **left_out})
+        return
+    say(f"{folder}: {count(len(made['files']), 'file')}, {size(total)}")
+    say(made["dataset"])
 
 
 def _warn_of_distortion(dataset: Dataset) -> None:

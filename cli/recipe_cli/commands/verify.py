@@ -25,7 +25,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
-from recipe_cli.places import FOLDER, check_default_folder, check_lockfile_is_of, lockfile_path, recipe_of
+from recipe_cli.places import FOLDER, check_bytes, check_default_folder, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
 from recipe_cli.work_guard import within_estimate
@@ -228,23 +228,24 @@ def _integrity(target: Path | str, options: Options) -> Report:
     if not _is_dataset(target):
         raise InputError(f"{target}: --integrity hashes the files of a dataset folder; name one")
     with Progress() as progress, dataset_at(target, progress) as folder:
-        return verify_files(reader.read(folder, shown(target)), options, progress)
+        dataset = reader.read(folder, shown(target))
+        check_bytes(dataset, allow_large=options.allow_large)
+        return verify_files(dataset, options, progress)
 
 
 def _checked_cost(plan: DatasetPlan, name: str, allow_large: bool) -> Cost:
-    """Return the cost of a dataset's plan; InputError if it exceeds the limits: the folder is untrusted."""
+    """Return the most that a dataset's plan may cost; InputError if it exceeds the limits: the folder is untrusted."""
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.lowering.workload import plan_cost
 
-    cost = plan_cost(plan)
-    reasons = [] if allow_large else cost.over()
+    reasons = [] if allow_large else plan_cost(plan).over()
     if reasons:
         raise InputError(
             f"{name}: to render its plan, {', and '.join(reasons)}",
             help="pass --allow-large if that is meant, or hash the files alone (--integrity)",
             code=Code.SIZE_LIMIT,
         )
-    return cost
+    return plan_cost(plan, largest_files=True)
 
 
 def _within_estimate(cost: Cost, options: Options) -> AbstractContextManager[None]:

@@ -22,7 +22,7 @@ from recipe_compiler.library import towns
 from recipe_compiler.load import Clip, Load
 from recipe_compiler.lowering import props_nearby, traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
-from recipe_compiler.lowering.asset_files import AssetFile, Corner
+from recipe_compiler.lowering.asset_files import ALL_PIXELS, ALL_TRIANGLES, AssetFile, Corner
 from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.lowering.props import BOARD_TRIANGLES
 from recipe_compiler.lowering.sensors import arms
@@ -293,8 +293,21 @@ def _looks_of(plan: ScenarioPlan) -> float:
     return props_nearby.looks(props, moving["pedestrian"], moving["vehicle"], seconds)
 
 
-def plan_cost(plan: DatasetPlan) -> limits.Cost:
-    """Return the cost of building an existing plan, such as one from a dataset's folder, without compiling it."""
-    cost = limits.total(map(measured, plan.variants), plan.depth)
+def plan_cost(plan: DatasetPlan, *, largest_files: bool = False) -> limits.Cost:
+    """Return the cost of building an existing plan, such as one from a dataset's folder, without compiling it.
+
+    Plans do not have the sizes of their meshes and images. These count as nothing or, with `largest_files`, as much as
+    those of a recipe may have.
+    """
+    loads: Iterable[Load] = map(measured, plan.variants)
+    if largest_files:
+        loads = map(_with_largest_files, loads, plan.variants)
+    cost = limits.total(loads, plan.depth)
     memory = cost.main_memory - cost.compile_bytes
     return dataclasses.replace(cost, compile_seconds=0.0, compile_bytes=0, main_memory=memory)
+
+
+def _with_largest_files(load: Load, plan: ScenarioPlan) -> Load:
+    if any(prop.mesh for prop in plan.scene.props):
+        load = dataclasses.replace(load, triangles=plan_bounds.MAX_PROP_TRIANGLES, mesh_triangles=ALL_TRIANGLES)
+    return dataclasses.replace(load, texels=ALL_PIXELS) if plan.files else load
