@@ -10,10 +10,10 @@ import pytest
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import GREEN, PatchPlan
-from recipe_compiler.ir.plan import AppearancePlan
+from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan
 
 from tests.compiler.kitchen import only, small
-from tests.compiler.modelling import picture, png
+from tests.compiler.modelling import obj, picture, png
 
 SIZE = {"width": 1.0, "height": 0.5}
 WALL = {"town": "wall.0", "at": {"x": 0.5, "z": 1.2}, "size": SIZE}
@@ -63,6 +63,26 @@ def test_without_patches_no_plan_changes() -> None:
     assert "patches" not in plan.appearance.document() and "patches" not in plan.document()["appearance"]  # type: ignore[operator]
     again = AppearancePlan.model_validate(plan.appearance.document())
     assert again.digest == plan.appearance.digest
+
+
+def test_a_plan_with_patches_equals_its_document(tmp_path: Path) -> None:
+    """Datasets contain plans as JSON with six decimals; with more, the plan that verify reads had another digest."""
+    (tmp_path / "wedge.obj").write_bytes(obj())
+    pose = {"x": -5, "y": 3, "z": 0.4, "yaw": 20, "pitch": 15, "roll": 10}
+    props = {"wedge": {"asset": "wedge", "at": pose}, "sign": {"size": SIZE, "at": pose}}
+    places: dict[str, Any] = {
+        "mesh": {"prop": "wedge", "surface": "body"},
+        "sign": {"prop": "sign", "size": SIZE},
+        "board": {"board": pose, "size": SIZE},
+        "wall": WALL,
+    }
+    patches = {name: {"on": place, "texture": RED} for name, place in places.items()}
+    recipe = small(patches=patches, props=props, town={"name": "downtown", "blocks": [2, 2]})
+    recipe["assets"] = {"wedge": {"mesh": "wedge.obj"}}
+    (tmp_path / "recipe.yaml").write_text(json.dumps(recipe))
+    (plan,) = compile_recipe(tmp_path / "recipe.yaml").plan.variants
+    assert [patch.name for patch in plan.appearance.patches] == list(places)
+    assert ScenarioPlan.model_validate(plan.document()).digest == plan.digest
 
 
 def test_a_board_is_part_of_the_scene_and_its_texture_is_not(tmp_path: Path) -> None:

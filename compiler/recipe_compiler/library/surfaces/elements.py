@@ -186,9 +186,15 @@ def _placed(rectangle: _Rectangle, body: str, pose: Pose) -> FlatSurface:
 
 def _turned_face(face: PatchFace, pose: Pose) -> PatchFace:
     x, y, z = _turned(face.corner, pose)
-    corner = (x + pose.x, y + pose.y, z + pose.z)
-    return face.model_copy(
-        update={"corner": corner, "right": _turned(face.right, pose), "down": _turned(face.down, pose)}
+    return PatchFace(  # not a copy, whose numbers would not be rounded
+        part=face.part,
+        corner=(x + pose.x, y + pose.y, z + pose.z),
+        right=_turned(face.right, pose),
+        down=_turned(face.down, pose),
+        width=face.width,
+        height=face.height,
+        region=face.region,
+        reach=face.reach,
     )
 
 
