@@ -149,6 +149,11 @@ def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
     return found
 
 
+def used_files(recipe: Path, compiled: Compiled) -> list[Path]:
+    """Return the paths of the recipe and of every file that it uses."""
+    return [recipe, *(recipe.parent / path for path in compiled.files)]
+
+
 def free_disk(folder: Path) -> int:
     """Return the free bytes on the file system of a folder, which need not exist yet.
 

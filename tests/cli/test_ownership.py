@@ -175,6 +175,59 @@ def test_a_repair_by_the_recipe_in_a_dataset_removes_no_file_of_it(recipe: Run) 
     assert (own.parent / "unused.png").read_bytes() == image
 
 
+@pytest.mark.slow
+def test_a_published_dataset_is_not_replaced_by_the_recipe_in_it(recipe: Run, tmp_path: Path) -> None:
+    write("a.yaml", RECIPE)
+    assert recipe("lock", "a.yaml").exit_code == 0
+    url = f"file://{tmp_path}/pub/small"
+    assert recipe("build", "a.yaml", "--output", url).exit_code == 0
+    own = Path("pub/small/recipe/a.yaml")
+    assert recipe("build", own, "--output", url).exit_code == 0  # nothing changed
+    own.write_text(OTHER_PLAN)
+    with pytest.raises(InputError, match=r"is a file of the dataset .*pub/small, which would be replaced"):
+        recipe("build", own, "--output", url)
+    assert own.read_text() == OTHER_PLAN and (own.parent / "lockfiles" / "small.lock").is_file()
+
+
+@pytest.mark.slow
+def test_a_dataset_is_not_replaced_by_a_recipe_that_uses_a_file_in_it(recipe: Run) -> None:
+    """The file would have another path in the new dataset, and the recipe would be invalid."""
+    write("base.yaml", RECIPE)
+    assert recipe("build", "base.yaml").exit_code == 0
+    write("a.yaml", "recipe: small\nextends: datasets/small/recipe/base.yaml\nbase: {weather: WetNight}\n")
+    with pytest.raises(InputError, match=r"recipe/base\.yaml is a file of the dataset"):
+        recipe("build", "a.yaml", "--replace")
+    assert Path("datasets/small/recipe/base.yaml").read_text() == RECIPE
+
+
+@pytest.mark.slow
+def test_a_path_with_dots_through_the_dataset_is_replaced(recipe: Run) -> None:
+    """While the dataset is renamed, such a path leads nowhere."""
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml").exit_code == 0
+    before = manifest("datasets/small")["plan"]
+    write("a.yaml", OTHER_PLAN)
+    assert recipe("build", "a.yaml", "--output", "datasets/small/recipe/../../small").exit_code == 0
+    assert manifest("datasets/small")["plan"] != before
+    assert sorted(path.name for path in Path("datasets").iterdir()) == [".small.source.json", "small"]
+
+
+@pytest.mark.parametrize(
+    ("folder", "message"),
+    [(".", "is the current folder or contains it"), ("/", "is a mount point"), ("out", "contains the cache")],
+)
+def test_a_folder_that_cannot_be_replaced_is_refused_before_the_work(
+    recipe: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, message: str
+) -> None:
+    recipe_file = write("a.yaml", RECIPE).absolute()
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "out" / "cache"))
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty" if folder == "." else tmp_path)
+    with pytest.raises(InputError, match=message):
+        recipe("build", recipe_file, "--output", folder)
+    assert not (tmp_path / "out").exists() and not list((tmp_path / "empty").iterdir())
+
+
 def test_a_build_succeeds_if_the_record_of_its_recipe_cannot_be_written(
     recipe: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -439,6 +492,32 @@ def test_no_command_overwrites_an_existing_file(recipe: Run, tmp_path: Path) -> 
     for command, arguments in cases[:3]:
         assert CliRunner().invoke(command, [*arguments, "--replace"], catch_exceptions=False).exit_code == 0
     assert "precious" not in {precious[name].read_text(errors="replace") for name in ("a.png", "a.json", "a.recipe")}
+
+
+def test_no_command_overwrites_a_file_of_the_recipe(recipe: Run) -> None:
+    """Not even with --replace: the recipe, a file that it extends, and an image that it uses."""
+    Path("wall.png").write_bytes((ROOT / "recipes" / "attacks" / "poster.png").read_bytes())
+    Path("base.recipe").write_text(RECIPE + "assets: {wall: {image: wall.png}}\n")
+    Path("small.lock").write_text("recipe: small\nextends: base.recipe\n")
+    before = {path: path.read_bytes() for path in Path().glob("*.*")}
+    cases = (
+        ("pack", "base.recipe"), ("shot", "wall.png"), ("shot", "wall.png", "--map"), ("lock", None),
+    )  # fmt: skip
+    for command, output, *options in cases:
+        outputs = [] if output is None else ["--output", output]
+        with pytest.raises(InputError, match="is a file that the recipe uses"):
+            recipe(command, "small.lock", "--replace", *outputs, *options)
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_a_recipe_in_a_dataset_is_not_locked_there(recipe: Run) -> None:
+    """The dataset would contain a file that its manifest does not list."""
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml").exit_code == 0
+    Path("pyproject.toml").unlink()  # else the lockfile is outside, in the project's folder
+    with pytest.raises(InputError, match=r"small\.lock is in a dataset"):
+        recipe("lock", "datasets/small/recipe/a.yaml")
+    assert not Path("datasets/small/recipe/lockfiles").exists()
 
 
 def test_a_shot_without_a_name_gets_an_unused_one(recipe: Run) -> None:

@@ -37,6 +37,7 @@ from recipe_cli.places import (
     read_lockfile,
     recipe_files,
     source_of,
+    used_files,
 )
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import url_with_one_slash
@@ -84,6 +85,7 @@ class Inputs:
     lock: tuple[Path, Lockfile] | None
     files: RecipeFiles | None  # None: the recipe has more variants than the dataset
     target: Target | None
+    used: list[Path]  # the recipe and its files
 
 
 def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
@@ -188,6 +190,8 @@ def _inputs(request: Request) -> Inputs:
     folder = folder or check_default_folder(Path("datasets")) / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
+    used = used_files(recipe, compiled)
+    from recipe_runtime.build.provenance import check_outside
     from recipe_runtime.build.recipe_files import RecipeFiles
 
     files: RecipeFiles | None = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
@@ -200,7 +204,9 @@ def _inputs(request: Request) -> Inputs:
     elif lock is not None:
         _warn_if_outdated(compiled, *lock)
     target = _target(output, folder, compiled.plan, request.replace) if output and "://" in output else None
-    return Inputs(compiled, folder, lock, files, target)
+    if target is not None and target.folder is not None:
+        check_outside(target.folder, target.existing, compiled.plan, request.source, files, used)
+    return Inputs(compiled, folder, lock, files, target, used)
 
 
 def _build(request: Request, inputs: Inputs) -> Outcome:
@@ -230,6 +236,7 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
                     source=request.source,
                     replace=request.replace,
                     recipe_files=inputs.files,
+                    used=inputs.used,
                     written=disk_bound("the build", compiled.cost.bytes, allow_large=request.allow_large),
                 )
             copied = target.put(progress, replace=request.replace) if target else None

@@ -22,7 +22,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import fail, print_json, say
-from recipe_cli.places import check_lockfile_is_of, lockfile_path, source_of
+from recipe_cli.places import check_lockfile_is_of, lockfile_path, source_of, used_files
 from recipe_cli.progress import Progress
 from recipe_cli.work_guard import within_estimate
 
@@ -230,6 +230,8 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
     import os
 
     from recipe_compiler.ir.errors import Code, InputError, RunError
+    from recipe_runtime.core.outputs import check_not_input
+    from recipe_runtime.dataset.manifest_reader import check_outside_datasets
     from recipe_runtime.verify import trace_bundle
 
     try:
@@ -246,6 +248,17 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
     if path.is_file() and not options.replace:
         _check_is_of_recipe(recipe, compiled, path, options.update)
     traces = trace_bundle.beside(path)
+    for output in (path, traces):
+        check_not_input(output, used_files(recipe, compiled))
+    if options.update or not path.exists():
+        try:
+            check_outside_datasets(path)
+        except InputError:
+            raise InputError(
+                f"{path} is in a dataset, and only a build writes files there",
+                help=f"copy {recipe.parent} out of the dataset, and lock the copy",
+                code=Code.OUTPUT_IN_THE_WAY,
+            ) from None
     if options.with_traces or traces.exists():
         trace_bundle.check_replaceable(traces, replace=options.replace)
     try:

@@ -10,7 +10,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, output_option, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_files
+from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_files, used_files
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -35,7 +35,7 @@ def command(
     `plan`, `check`, `shot`, `build`, `verify` and `diff` take such a file in place of a recipe.
     """
     from recipe_compiler.ir.errors import InputError
-    from recipe_runtime.core.outputs import check_output, write_output
+    from recipe_runtime.core.outputs import check_not_input, check_output, write_output
     from recipe_runtime.transfer import bundle
 
     compiled = compile_quietly(recipe, allow_large=allow_large)
@@ -43,6 +43,7 @@ def command(
     if not bundle.is_pack(output):
         raise InputError(f"{output}: give --output a name that ends in {bundle.SUFFIX}")
     check_output(output, replace=replace)
+    check_not_input(output, used_files(recipe, compiled))
     files = {**recipe_files(recipe, compiled), **_locked(recipe, compiled, with_traces)}
     body = bundle.Pack(recipe.name, files).dumps()
     with writing(output):

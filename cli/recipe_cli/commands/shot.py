@@ -23,6 +23,7 @@ from recipe_cli.arguments import (
     writing,
 )
 from recipe_cli.console import print_json, say
+from recipe_cli.places import used_files
 from recipe_cli.progress import Progress
 from recipe_cli.work_guard import within_estimate
 
@@ -81,12 +82,13 @@ def command(
     compiled = compile_quietly(recipe, allow_large=allow_large)
     plan = compiled.plan
     scenario = plan.named(variant)
-    from recipe_runtime.core.outputs import check_output, unused_names
+    from recipe_runtime.core.outputs import check_not_input, check_output, unused_names
     from recipe_runtime.frames.shot import shot
 
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
         if output is not None:
             check_output(output, replace=replace)
+            check_not_input(output, used_files(recipe, compiled))
         measured = within_estimate("the shot", compiled.cost, workers=1, device=device, allow_large=allow_large)
         with Progress(quiet=as_json) as progress, measured:
             engines = engines_for(compiled, partial(progress, "simulate"))
@@ -97,6 +99,7 @@ def command(
             (path,) = unused_names(lambda suffix: {Path(f"{name}{suffix}.png"): body})
         else:
             path = output or Path(f"{name}.png")
+        check_not_input(path, used_files(recipe, compiled))
         made.write(path, replace=replace or output is None)
     if as_json:
         print_json(
@@ -143,15 +146,15 @@ def _draw_map(
     from recipe_compiler.library import towns
 
     if str(recipe) in towns.NAMES and not recipe.exists():
-        town, scenario, name = towns.build(str(recipe), 0, {}), None, str(recipe)
+        town, scenario, name, inputs = towns.build(str(recipe), 0, {}), None, str(recipe), list[Path]()
         title = f"{name}, as it is without parameters"
     else:
         _check_town_name(recipe)
         compiled = compile_quietly(recipe, allow_large=allow_large)
         scenario = compiled.plan.named(variant)
         town, name = compiled.towns[scenario.scene.town.digest], compiled.plan.recipe
-        title = f"{name}: {town.plan.name}"
-    from recipe_runtime.core.outputs import check_output, unused_names, write_output
+        title, inputs = f"{name}: {town.plan.name}", used_files(recipe, compiled)
+    from recipe_runtime.core.outputs import check_not_input, check_output, unused_names, write_output
     from recipe_runtime.report.town_map import Spots, town_map
 
     with writing(output or Path("map.png")):
@@ -162,6 +165,7 @@ def _draw_map(
         path = output or Path(f"{name}-map.png")
         if output is None and not replace:
             (path,) = unused_names(lambda suffix: {Path(f"{name}-map{suffix}.png"): body})
+        check_not_input(path, inputs)
         write_output(path, body, replace=replace or output is None)
     if as_json:
         print_json({"file": str(path), "town": town.plan.name, "variant": scenario.variant if scenario else None})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -14,7 +14,7 @@ from recipe_compiler.ir.plurals import count
 from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, REPLACE, VARIANT, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import memory
+from recipe_cli.places import memory, used_files
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.patches import PatchFace, PatchPlan
@@ -39,12 +39,13 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A scene to draw, its colours, and the files and the triangles of its props."""
+    """A scene to draw, its colours, the files and the triangles of its props, and all files of its recipe."""
 
     plan: ScenePlan
     looks: Looks
     places: Mapping[str, Path] = field(default_factory=dict)
     triangles: int = 0
+    used: Sequence[Path] = ()
 
 
 @click.command("surfaces")
@@ -97,11 +98,13 @@ def _found(where: str, variant: str | None, allow_large: bool) -> tuple[_Scene |
         compiled = compile_quietly(Path(where), allow_large=allow_large)
         plan, sizes = compiled.plan.named(variant), {asset.file.sha256: asset.triangles for asset in compiled.assets}
         triangles = sum(sizes[prop.mesh.sha256] for prop in plan.scene.props if prop.mesh is not None)
-        return _Scene(plan.scene, plan.appearance.looks, compiled.places, triangles), list(_of_scene(plan.scene))
+        used = used_files(Path(where), compiled)
+        scene = _Scene(plan.scene, plan.appearance.looks, compiled.places, triangles, used)
+        return scene, list(_of_scene(plan.scene))
     if where in towns.NAMES:
         town = towns.build(where, 0, {})
-        scene = ScenePlan(clock=Clock(fps=10, frames=1, physics=240), town=town.plan, actors=())
-        return _Scene(scene, Looks.model_construct(root=town.looks)), list(_of_scene(scene))
+        empty = ScenePlan(clock=Clock(fps=10, frames=1, physics=240), town=town.plan, actors=())
+        return _Scene(empty, Looks.model_construct(root=town.looks)), list(_of_scene(empty))
     specimens = [blueprints.specimen(blueprint)[0] for blueprint in blueprints.match(where)]
     if not specimens:
         remedy, family = nearest(where, [*towns.NAMES, *blueprints.names()]), blueprint_remedy(where)
@@ -210,7 +213,7 @@ def _face(surface: object) -> PatchFace:
 
 
 def _draw(scene: _Scene | None, bodies: list[_Body], folder: Path, replace: bool) -> None:
-    from recipe_runtime.core.outputs import check_output, write_output
+    from recipe_runtime.core.outputs import check_not_input, check_output, write_output
     from recipe_runtime.meshes.actors import actor_body
     from recipe_runtime.report.texture_maps import texture_map
 
@@ -223,6 +226,7 @@ def _draw(scene: _Scene | None, bodies: list[_Body], folder: Path, replace: bool
     pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]
     for path in (*maps, *pages):
         check_output(path, replace=replace, help="choose another folder (--output), or replace its files (--replace)")
+        check_not_input(path, scene.used if scene else ())
     with writing(folder), Progress() as progress:
         folder.mkdir(exist_ok=True)
         for done, (path, (body, surface)) in enumerate(maps.items()):

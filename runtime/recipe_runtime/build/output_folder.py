@@ -4,33 +4,48 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Collection
 from pathlib import Path
 
 from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import entries_below, is_folder, remove_tree
+from recipe_runtime.core.files import entries_below, holds_current_folder, is_folder, remove_tree
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
 
 
-def check_out(out: Path) -> None:
+def check_out(out: Path, caches: Collection[Path] = ()) -> None:
     """Check that a dataset can be put in place of `out`.
+
+    Args:
+        out: the dataset's folder.
+        caches: folders in which files are created during a build.
 
     Raises:
         InputError: `out` exists and is not a dataset of this program, or contains other files as well; or a parent of
-            it is a file.
+            it is a file; or it contains the current folder, or is to contain a cache.
     """
     if out.is_symlink() or (out.exists() and not out.is_dir()):
         raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
-    above = next(folder for folder in out.absolute().parents if os.path.lexists(folder))
-    if not above.is_dir():
+    above = next((folder for folder in out.absolute().parents if os.path.lexists(folder)), None)
+    if above is not None and not above.is_dir():
         what = "a symbolic link that leads to no folder" if above.is_symlink() else "a file"
         raise InputError(f"{out}: {above} is {what}", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
     if out.is_mount():  # publishing is a rename, which cannot replace a mount point
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
         raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+    if holds_current_folder(out):
+        raise InputError(
+            f"{out} is the current folder or contains it, and a build cannot replace that",
+            help="build from another folder, or choose another one",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+    for cache in caches:
+        if cache.resolve().is_relative_to(out.resolve()):
+            remedy = "choose another folder, or set RECIPE_CACHE to a folder outside of it"
+            raise InputError(f"{out} contains the cache {cache}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
     manifest_reader.check_outside_datasets(out)
     if out.is_dir():
         check_files(out, out)

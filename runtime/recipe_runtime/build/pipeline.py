@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -35,6 +35,7 @@ from recipe_runtime.cache import pruning
 from recipe_runtime.cache.journal_key import journal_key, read_key
 from recipe_runtime.cache.store import Store, default_cache
 from recipe_runtime.core import subprocesses
+from recipe_runtime.core.files import plain_path
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
@@ -89,6 +90,7 @@ def build(
     source: Path | None = None,
     replace: bool = False,
     recipe_files: RecipeFiles | None = None,
+    used: Collection[Path] = (),
     written: Callable[[int], None] | None = None,
 ) -> BuildResult:
     """Build a dataset in the folder `out`, or return at once if it exists already.
@@ -111,26 +113,36 @@ def build(
         source: the recipe's file; with it, two recipes of one name are distinguished (`provenance`).
         replace: whether the dataset of another recipe may be replaced.
         recipe_files: files to put into the dataset's `recipe/` folder.
+        used: the paths of the recipe's files.
         written: called with the bytes of the dataset's files as they are written or resumed; what it raises ends the
             build.
 
     Raises:
         InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe;
-            or `source` is a file of the dataset to be replaced.
+            or `source` or a file of `used` is in the dataset to be replaced; or the cache is in `out`.
         RunError: the host failed. Finished shards are kept, and the next build continues.
     """
     places = devices(device) if run is local.run else (device,)  # nodes of a cluster may have other devices
     job = Job(dataset, engines or real_engines(), places, cache or default_cache(), None, resumes=True)
     stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain, written)
     pruned = [job.cache] if cache else pruning.folders()
-    return _build(stages, out.absolute(), source, recipe_files, pruned, repair=repair, replace_other=replace)
+    sources = _Sources(source, recipe_files, used)
+    return _build(stages, plain_path(out.absolute()), sources, pruned, repair=repair, replace_other=replace)
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """The files that a dataset is built from; `build` describes the fields."""
+
+    source: Path | None
+    recipe_files: RecipeFiles | None
+    used: Collection[Path]
 
 
 def _build(
     stages: _Stages,
     out: Path,
-    source: Path | None,
-    recipe_files: RecipeFiles | None,
+    sources: _Sources,
     pruned: list[Path],
     *,
     repair: bool,
@@ -138,6 +150,7 @@ def _build(
 ) -> BuildResult:
     """Build as `build` describes; afterwards prune the cache folders `pruned`."""
     start, cache_limit, dataset, store = time.perf_counter(), pruning.limit(), stages.dataset, Store(stages.job.cache)
+    source = sources.source
     check_plan(dataset)
     check_bounds(dataset)  # else the dataset could not be read back
     Workspace.settle(out)
@@ -148,8 +161,8 @@ def _build(
     if manifest is not None and readable and not damage and is_whole(manifest, dataset, out):
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
-    check_out(out)
-    provenance.check_outside(out, manifest, dataset, source, recipe_files)
+    check_out(out, [store.root, *pruned])
+    provenance.check_outside(out, manifest, dataset, source, sources.recipe_files, sources.used)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
@@ -158,7 +171,7 @@ def _build(
         pruning.leased(store.root),
         _workspace(dataset, out, journal_key(store.root), replace_other, stages.written) as work,
     ):
-        counts, manifest = stages.run_all(work, out, recipe_files)
+        counts, manifest = stages.run_all(work, out, sources.recipe_files)
     if trusted:
         remember(store, out, dataset)
     pruning.auto_prune(pruned, cache_limit)
@@ -182,7 +195,7 @@ def _build(
 def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> int:
     """Return how many frames of a stopped build the next build with this cache resumes from."""
     key = read_key(cache or default_cache())
-    return 0 if key is None else _workspace(dataset, out.absolute(), key).kept()
+    return 0 if key is None else _workspace(dataset, plain_path(out.absolute()), key).kept()
 
 
 def _workspace(

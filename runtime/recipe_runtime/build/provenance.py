@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Collection
 from contextlib import suppress
 from glob import escape
 from pathlib import Path
@@ -91,11 +92,17 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
 
 
 def check_outside(
-    out: Path, manifest: Manifest | None, plan: DatasetPlan, source: Path | None, files: RecipeFiles | None
+    out: Path,
+    manifest: Manifest | None,
+    plan: DatasetPlan,
+    source: Path | None,
+    files: RecipeFiles | None,
+    used: Collection[Path] = (),
 ) -> None:
-    """Check that the dataset to be replaced does not hold the recipe and files beside it that would be lost.
+    """Check that the dataset to be replaced does not hold the recipe, or a file that it uses, and would lose files.
 
-    These are images that the recipe no longer uses and, if the plan has changed, the lockfile.
+    These are the recipe's files at their present paths, images that the recipe no longer uses and, if the plan has
+    changed, the lockfile.
 
     Args:
         out: the dataset's folder.
@@ -103,20 +110,23 @@ def check_outside(
         plan: the plan to build.
         source: the recipe's file, if known.
         files: the recipe's files, which the new dataset holds.
+        used: the paths of the recipe's files.
 
     Raises:
         InputError: it does.
     """
-    if source is None or manifest is None:
+    if manifest is None:
         return
     kept = {f"{layout.RECIPE}/{path}" for path in files.files} if files else set()
     lost = {path for path in manifest["files"] if layout.is_recipe_file(path)} - kept
     if manifest.get("plan") == plan.digest and lost <= {layout.recipe_lockfile(plan.recipe)}:
         return
-    if source.resolve().is_relative_to(out.resolve()):
+    for path in (*([] if source is None else [source]), *used):
+        if not path.resolve().is_relative_to(out.resolve()):
+            continue
         raise InputError(
-            f"{source} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
-            help=f"copy {source.parent} out of the dataset and build there, or choose another folder",
+            f"{path} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
+            help=f"copy {path.parent} out of the dataset and use the copy, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
 

@@ -98,6 +98,19 @@ def is_folder(path: Path) -> bool:
         return False
 
 
+def plain_path(path: Path) -> Path:
+    """Return a path without `..`, which would lead nowhere while a folder before it is renamed."""
+    return path.resolve() if ".." in path.parts else path
+
+
+def holds_current_folder(path: Path) -> bool:
+    """Return whether a path is the current folder or one above it; relative paths change when it is renamed."""
+    try:
+        return Path.cwd().is_relative_to(path.resolve())
+    except FileNotFoundError:  # the current folder was deleted
+        return False
+
+
 def make_folder(path: Path) -> None:
     """Create a folder and those above it, if they are absent.
 

@@ -6,7 +6,7 @@ import errno
 import itertools
 import os
 import stat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from recipe_compiler.ir.errors import Code, InputError
@@ -38,6 +38,14 @@ def check_output(path: Path, *, replace: bool = False, help: str = "choose anoth
             f"{path} exists already",
             help=help,
             code=Code.OUTPUT_IN_THE_WAY,
+        )
+
+
+def check_not_input(path: Path, inputs: Iterable[Path]) -> None:
+    """Raise InputError if `path` is one of the files that a command reads, which it never replaces."""
+    if any(path.exists() and file.exists() and path.samefile(file) for file in inputs):
+        raise InputError(
+            f"{path} is a file that the recipe uses", help="choose another file", code=Code.OUTPUT_IN_THE_WAY
         )
 
 

@@ -15,7 +15,16 @@ from pathlib import Path
 
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
-from recipe_runtime.core.files import has_content, is_folder, open_folder, read_inside, regular_file, remove_tree
+from recipe_runtime.core.files import (
+    has_content,
+    holds_current_folder,
+    is_folder,
+    open_folder,
+    plain_path,
+    read_inside,
+    regular_file,
+    remove_tree,
+)
 from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.limits import byte_count
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
@@ -27,19 +36,21 @@ _MIN_BYTES_PER_VALUE = 20  # of an index: rows hold names and digests
 _MIN_INDEX_LIMIT = 16 << 20  # bytes
 
 
-def check_destination(out: Path) -> None:
-    """Check that an export can take the place of a path.
+def check_destination(out: Path) -> Path:
+    """Check that an export can take the place of a path, and return the path without `..`.
 
     Raises:
-        InputError: The path is the current folder, or in a dataset.
+        InputError: The path is the current folder, or contains it, or is in a dataset.
     """
-    if not out.name or (out.exists() and out.samefile(Path.cwd())):
+    out = plain_path(out)
+    if not out.name or holds_current_folder(out):
         raise InputError(
-            f"{out} is the current folder, which an export cannot replace",
+            f"{out} is the current folder or contains it, and an export cannot replace that",
             help="name another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
     check_outside_datasets(out)
+    return out
 
 
 @contextmanager

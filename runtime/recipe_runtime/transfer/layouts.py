@@ -77,7 +77,7 @@ def export_layout(
         InputError: `out` exists and is not an export, a file of the dataset is damaged, or it lacks the patch.
         RunError: the files cannot be written, or another export writes to `out`.
     """
-    check_destination(out)
+    out = check_destination(out)
     with host_errors(str(out), _REMEDY):
         recover(out)
     known = _read_index(out, dataset)

@@ -113,7 +113,7 @@ def webdataset(
         InputError: `out` exists and is not an export, or a file of the dataset is damaged.
         RunError: the files cannot be written, or another export writes to `out`.
     """
-    check_destination(out)
+    out = check_destination(out)
     with host_errors(str(out), _REMEDY):
         recover(out)
     known = _index_of(out, dataset)

@@ -56,6 +56,10 @@ class Target:
         url: the place.
         root: the dataset's folder, which may not exist yet.
 
+    Attributes:
+        folder: the place, if it is on a local disk; else None.
+        existing: the manifest of the dataset at the place; None if there is none.
+
     Raises:
         InputError: the URL does not lead to a usable place, or to one within a dataset or in the way of `root`.
         RunError: access is refused.
@@ -71,12 +75,13 @@ class Target:
             )
         with self._reported():
             self._fs, self._prefix = located(self._full)
-        if "file" in self._fs.protocol:
-            _check_local_place(Path(self._prefix), root)
+        self.folder = Path(self._prefix) if "file" in self._fs.protocol else None
+        if self.folder is not None:
+            _check_local_place(self.folder, root)
         with self._reported():
-            self._existing = self._manifest()
+            self.existing = self._manifest()
         found = self._sizes()
-        if found and self._existing is None and MARKER not in found:
+        if found and self.existing is None and MARKER not in found:
             raise InputError(f"{self.url} holds files but no {layout.MANIFEST} of a dataset; name another place")
         if not found:
             with self._reported():
@@ -88,7 +93,7 @@ class Target:
         Raises:
             InputError: it belongs to another recipe.
         """
-        name = str(self._existing.get("recipe"))[:100] if self._existing else recipe
+        name = str(self.existing.get("recipe"))[:100] if self.existing else recipe
         if name != recipe:
             raise InputError(
                 f"{self.url} holds the dataset of another recipe, {name!r}, and this is {recipe!r}",
@@ -113,14 +118,16 @@ class Target:
         root = self._root
         body = (root / layout.MANIFEST).read_bytes()
         manifest: Manifest = json.loads(body)
+        with self._reported():
+            self.existing = self._manifest()  # again: another upload may have ended during the build
         if not replace:
             self.check_replaceable(manifest["recipe"])
         rows, sizes = listed_files(manifest), self._sizes()
-        if self._existing == manifest and self._is_complete(rows, sizes):
+        if self.existing == manifest and self._is_complete(rows, sizes):
             return Copied(0, 0, len(rows))
         journal = UploadJournal(root, self._full)
         with self._reported():
-            known = listed_files(self._existing) if self._existing else journal.rows(self._marker_token())
+            known = listed_files(self.existing) if self.existing else journal.rows(self._marker_token())
         foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, MARKER})
         if foreign:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
@@ -128,7 +135,7 @@ class Target:
         with self._reported():
             token = journal.begin({path: row for path, row in known.items() if sizes.get(path) == row[0]})
             self._write(MARKER, canonical_bytes({"dataset": manifest["identity"], "copy": token}))
-            if self._existing is not None:
+            if self.existing is not None:
                 self._fs.rm_file(self._at(layout.MANIFEST))
             copied = self._send(root, rows, missing, journal, progress)
             for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, MARKER}):

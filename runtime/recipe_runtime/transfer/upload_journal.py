@@ -28,7 +28,7 @@ class UploadJournal:
     """
 
     def __init__(self, root: Path, url: str) -> None:
-        name = hashlib.sha256(url.encode()).hexdigest()[:16]
+        name = hashlib.sha256(os.fsencode(url)).hexdigest()[:16]
         self._path = root.with_name(f".{root.name}.sent-{name}")
 
     def rows(self, token: str | None) -> Rows:

@@ -361,6 +361,23 @@ def test_the_current_folder_is_not_replaced(built: Dataset, tmp_path: Path, monk
     assert not list((tmp_path / "empty").iterdir())
 
 
+@pytest.mark.slow
+def test_a_path_through_the_replaced_export_is_valid(
+    built: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the old export is renamed, `exp/..` leads nowhere, and relative paths from a folder in it do not either."""
+    out = tmp_path / "exp"
+    export_layout(built, out, "mots", lambda *_: None)
+    old = tree(out)
+    monkeypatch.chdir(out / "seqmaps")
+    with pytest.raises(InputError, match="is the current folder or contains it"):
+        export_layout(built, Path("../../exp"), "kitti", lambda *_: None, replace=True)
+    assert tree(out) == old and [path.name for path in tmp_path.iterdir()] == ["exp"]
+    monkeypatch.chdir(tmp_path)
+    export_layout(built, Path("exp/../exp"), "kitti", lambda *_: None, replace=True)
+    assert (out / "training").is_dir() and [path.name for path in tmp_path.iterdir()] == ["exp"]
+
+
 def test_a_marker_that_is_a_link_is_not_followed(built: Dataset, tmp_path: Path) -> None:
     (tmp_path / "mine").write_text("precious")
     os.utime(tmp_path / "mine", (1, 1))

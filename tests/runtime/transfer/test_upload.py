@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ import fsspec
 import pytest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.transfer.upload import MARKER, Copied, Target
 from recipe_runtime.transfer.upload_journal import UploadJournal
@@ -91,6 +93,26 @@ def test_a_place_within_another_dataset_is_refused(built: Path, tmp_path: Path) 
     with pytest.raises(InputError, match="is inside the dataset"):
         Target(f"file://{built}/copy", tmp_path / "small")
     assert not (built / "copy").exists()
+
+
+def test_an_upload_during_the_build_is_noticed(url: str, built: Path, tmp_path: Path) -> None:
+    """The files of the other dataset may have the same sizes."""
+    put(url, built)
+    other = Path(shutil.copytree(built, tmp_path / "other"))
+    body = (other / layout.CARD).read_bytes().swapcase()
+    (other / layout.CARD).write_bytes(body)
+    manifest = json.loads((other / layout.MANIFEST).read_bytes())
+    manifest["files"][layout.CARD]["sha256"] = hashlib.sha256(body).hexdigest()
+    (other / layout.MANIFEST).write_text(json.dumps(manifest))
+    slow = Target(url, built)  # as a build begins that takes hours
+    assert put(url, other).sent == 1 and remote_files(url) == local(other)
+    assert slow.put(lambda *_: None).sent == 1
+    assert remote_files(url) == local(built)
+
+
+def test_a_url_that_is_not_utf8_is_a_place(built: Path, tmp_path: Path) -> None:
+    assert put(f"file://{tmp_path}/\udcff", built).kept == 0
+    assert local(tmp_path / "\udcff") == local(built)
 
 
 @pytest.mark.parametrize("calls", [0, 1, 7, 40])
