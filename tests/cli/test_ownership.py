@@ -176,17 +176,18 @@ def test_a_repair_by_the_recipe_in_a_dataset_removes_no_file_of_it(recipe: Run) 
 
 
 @pytest.mark.slow
-def test_a_published_dataset_is_not_replaced_by_the_recipe_in_it(recipe: Run, tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", [OTHER_PLAN, f"# a comment\n{RECIPE}"], ids=["other plan", "other text"])
+def test_a_published_dataset_is_not_replaced_by_the_recipe_in_it(recipe: Run, tmp_path: Path, text: str) -> None:
+    """The upload may be of an earlier dataset, with an earlier text of the recipe."""
     write("a.yaml", RECIPE)
     assert recipe("lock", "a.yaml").exit_code == 0
     url = f"file://{tmp_path}/pub/small"
     assert recipe("build", "a.yaml", "--output", url).exit_code == 0
     own = Path("pub/small/recipe/a.yaml")
-    assert recipe("build", own, "--output", url).exit_code == 0  # nothing changed
-    own.write_text(OTHER_PLAN)
+    own.write_text(text)
     with pytest.raises(InputError, match=r"is a file of the dataset .*pub/small, which would be replaced"):
         recipe("build", own, "--output", url)
-    assert own.read_text() == OTHER_PLAN and (own.parent / "lockfiles" / "small.lock").is_file()
+    assert own.read_text() == text and (own.parent / "lockfiles" / "small.lock").is_file()
 
 
 @pytest.mark.slow

@@ -191,7 +191,7 @@ def _inputs(request: Request) -> Inputs:
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
     used = used_files(recipe, compiled)
-    from recipe_runtime.build.provenance import check_outside
+    from recipe_runtime.build.provenance import check_apart
     from recipe_runtime.build.recipe_files import RecipeFiles
 
     files: RecipeFiles | None = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
@@ -205,7 +205,7 @@ def _inputs(request: Request) -> Inputs:
         _warn_if_outdated(compiled, *lock)
     target = _target(output, folder, compiled.plan, request.replace) if output and "://" in output else None
     if target is not None and target.folder is not None:
-        check_outside(target.folder, target.existing, compiled.plan, request.source, files, used)
+        check_apart(target.folder, [request.source, *used])
     return Inputs(compiled, folder, lock, files, target, used)
 
 

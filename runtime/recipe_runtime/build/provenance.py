@@ -121,14 +121,22 @@ def check_outside(
     lost = {path for path in manifest["files"] if layout.is_recipe_file(path)} - kept
     if manifest.get("plan") == plan.digest and lost <= {layout.recipe_lockfile(plan.recipe)}:
         return
-    for path in (*([] if source is None else [source]), *used):
-        if not path.resolve().is_relative_to(out.resolve()):
-            continue
-        raise InputError(
-            f"{path} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
-            help=f"copy {path.parent} out of the dataset and use the copy, or choose another folder",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
+    check_apart(out, [*([] if source is None else [source]), *used])
+
+
+def check_apart(out: Path, used: Collection[Path]) -> None:
+    """Check that a dataset to be replaced holds none of the files that its recipe uses.
+
+    Raises:
+        InputError: it does.
+    """
+    for path in used:
+        if path.resolve().is_relative_to(out.resolve()):
+            raise InputError(
+                f"{path} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
+                help=f"copy {path.parent} out of the dataset and use the copy, or choose another folder",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
 
 
 def _recorded(out: Path, manifest: Manifest) -> str | None:
