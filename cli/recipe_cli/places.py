@@ -192,8 +192,13 @@ def _check_stores_files(folder: Path, parent: Path) -> None:
         ) from None
 
 
-def check_bytes(dataset: Dataset, *, allow_large: bool) -> None:
+def check_bytes(dataset: Dataset, *, copies: bool = False, allow_large: bool = False) -> None:
     """Check that a dataset, which is untrusted and whose files are all to be read, is not very large.
+
+    Args:
+        dataset: the dataset.
+        copies: whether each name of a file counts, since each is to be written.
+        allow_large: check nothing.
 
     Raises:
         InputError: its files have more bytes than those of a recipe may have, and `allow_large` is not set.
@@ -201,11 +206,11 @@ def check_bytes(dataset: Dataset, *, allow_large: bool) -> None:
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.limits import BYTE_LIMIT, size
 
-    sizes = dict[tuple[int, int], int]()  # a file with several names counts once
+    sizes = dict[object, int]()
     for path in () if allow_large else dataset.files:
         with suppress(OSError):
             there = (dataset.root / path).lstat()
-            sizes[there.st_dev, there.st_ino] = there.st_size
+            sizes[path if copies else (there.st_dev, there.st_ino)] = there.st_size
     total = sum(sizes.values())
     if total > BYTE_LIMIT:
         raise InputError(

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 from recipe_cli.commands.verify import _checked_cost, command
 from recipe_cli.main import recipe
+from recipe_cli.places import check_bytes
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import read_source, skeleton
@@ -49,6 +50,18 @@ def test_a_dataset_of_many_bytes_is_not_read_unless_allowed(
     assert isinstance(refused.exception, InputError) and "over 10 KiB" in str(refused.exception)
     assert "--allow-large" in str(refused.exception) and not list(tmp_path.iterdir())
     assert CliRunner().invoke(recipe, [*arguments, str(built), "--allow-large"]).exit_code == 0
+
+
+def test_each_name_of_a_file_counts_where_it_is_copied(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = datasets.read(built)
+    sizes = {path: (held.root / path).lstat() for path in held.files}
+    linked = sum({there.st_ino: there.st_size for there in sizes.values()}.values())
+    total = sum(there.st_size for there in sizes.values())
+    assert linked < total  # weathers share their labels
+    monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", linked)
+    check_bytes(held)
+    with pytest.raises(InputError, match="its files have"):
+        check_bytes(held, copies=True)
 
 
 @pytest.mark.slow

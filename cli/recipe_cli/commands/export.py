@@ -82,7 +82,7 @@ def command(
             code=Code.OUT_OF_RANGE,
         )
     found = read(dataset)
-    check_bytes(found, allow_large=allow_large)
+    check_bytes(found, copies=True, allow_large=allow_large)
     if form != "webdataset":
         _export_layout(found, folder, cast("Layout", form), patch, replace=replace, as_json=as_json)
         return
