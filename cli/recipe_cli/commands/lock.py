@@ -250,15 +250,14 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
     traces = trace_bundle.beside(path)
     for output in (path, traces):
         check_not_input(output, used_files(recipe, compiled))
-    if options.update or not path.exists():
-        try:
-            check_outside_datasets(path)
-        except InputError:
-            raise InputError(
-                f"{path} is in a dataset, and only a build writes files there",
-                help=f"copy {recipe.parent} out of the dataset, and lock the copy",
-                code=Code.OUTPUT_IN_THE_WAY,
-            ) from None
+    try:
+        check_outside_datasets(path)
+    except InputError:
+        raise InputError(
+            f"{path} is in a dataset, and only a build writes files there",
+            help=f"verify the dataset, or copy {recipe.parent} out of it and lock the copy",
+            code=Code.OUTPUT_IN_THE_WAY,
+        ) from None
     if options.with_traces or traces.exists():
         trace_bundle.check_replaceable(traces, replace=options.replace)
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import entries_below, holds_current_folder, is_folder, remove_tree
+from recipe_runtime.core.files import entries_below, holds_current_folder, is_folder, remove_tree, resolved
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
@@ -43,7 +43,7 @@ def check_out(out: Path, caches: Collection[Path] = ()) -> None:
             code=Code.OUTPUT_IN_THE_WAY,
         )
     for cache in caches:
-        if cache.resolve().is_relative_to(out.resolve()):
+        if resolved(cache).is_relative_to(resolved(out)):
             remedy = "choose another folder, or set RECIPE_CACHE to a folder outside of it"
             raise InputError(f"{out} contains the cache {cache}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
     manifest_reader.check_outside_datasets(out)

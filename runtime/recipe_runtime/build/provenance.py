@@ -24,7 +24,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import write_atomic
+from recipe_runtime.core.files import resolved, write_atomic
 from recipe_runtime.dataset.manifest_types import Manifest
 
 _FORMAT = "recipe/source/1"
@@ -131,7 +131,7 @@ def check_apart(out: Path, used: Collection[Path]) -> None:
         InputError: it does.
     """
     for path in used:
-        if path.resolve().is_relative_to(out.resolve()):
+        if resolved(path).is_relative_to(resolved(out)):
             raise InputError(
                 f"{path} is a file of the dataset {out}, which would be replaced, with all files beside the recipe",
                 help=f"copy {path.parent} out of the dataset and use the copy, or choose another folder",

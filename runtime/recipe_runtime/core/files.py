@@ -98,15 +98,20 @@ def is_folder(path: Path) -> bool:
         return False
 
 
+def resolved(path: Path) -> Path:
+    """Return an absolute path without links; a link that leads to itself stays (`Path.resolve` raises RuntimeError)."""
+    return Path(os.path.realpath(path))
+
+
 def plain_path(path: Path) -> Path:
     """Return a path without `..`, which would lead nowhere while a folder before it is renamed."""
-    return path.resolve() if ".." in path.parts else path
+    return resolved(path) if ".." in path.parts else path
 
 
 def holds_current_folder(path: Path) -> bool:
     """Return whether a path is the current folder or one above it; relative paths change when it is renamed."""
     try:
-        return Path.cwd().is_relative_to(path.resolve())
+        return Path.cwd().is_relative_to(resolved(path))
     except FileNotFoundError:  # the current folder was deleted
         return False
 

@@ -26,7 +26,7 @@ from recipe_compiler.ir.plan_types import (
 )
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import open_inside, regular_file
+from recipe_runtime.core.files import open_inside, regular_file, resolved
 from recipe_runtime.dataset.json_stream import JsonStream
 from recipe_runtime.dataset.limits import MAX_FILES, MAX_ROWS
 from recipe_runtime.dataset.manifest import FORMAT, stays_inside
@@ -216,7 +216,7 @@ def check_outside_datasets(out: Path) -> None:
         InputError: `out` is inside a dataset, or its parents have more other manifests than are read.
     """
     left = MAX_BYTES  # of manifests that are read in vain: an archive may have one file, linked, in many nested folders
-    for folder in out.resolve().parents:
+    for folder in resolved(out).parents:
         try:
             read(folder)
         except (OSError, ValueError):

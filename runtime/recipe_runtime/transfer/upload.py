@@ -21,7 +21,7 @@ from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, RecipeError, RunError
 
 from recipe_runtime.core import layout, urls
-from recipe_runtime.core.files import file_sha256, regular_file
+from recipe_runtime.core.files import file_sha256, regular_file, resolved
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
@@ -275,7 +275,7 @@ def _check_local_place(place: Path, root: Path) -> None:
         InputError: the folder is that of the dataset, is in it or contains it, or is in another dataset. Files there
             are removed before they are written again.
     """
-    here, there = root.resolve(), place.resolve()
+    here, there = resolved(root), resolved(place)
     same = there.exists() and here.exists() and there.samefile(here)  # also through a mount
     if same or here.is_relative_to(there) or there.is_relative_to(here):
         raise InputError(

@@ -89,6 +89,13 @@ def test_a_dataset_is_not_copied_to_its_own_folder(built: Path, tmp_path: Path, 
     assert local(tmp_path) == before
 
 
+def test_a_place_behind_a_link_to_itself_is_an_error(built: Path, tmp_path: Path) -> None:
+    """Regression: a traceback, as `Path.resolve` raises RuntimeError for such a link."""
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(RunError, match="symbolic link"):
+        Target(f"file://{tmp_path}/loop/copy", built)
+
+
 def test_a_place_within_another_dataset_is_refused(built: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is inside the dataset"):
         Target(f"file://{built}/copy", tmp_path / "small")
