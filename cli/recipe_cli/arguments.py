@@ -144,7 +144,7 @@ def dataset_at(place: Path | str, progress: Progress) -> Iterator[Path]:
 @contextmanager
 def opened(path: Path) -> Iterator[Path]:
     """Yield the path of a recipe. A pack is unpacked to a temporary folder for the duration of the context."""
-    if path.suffix != ".recipe":
+    if path.suffix != ".recipe" or path.is_dir():  # a dataset's folder may have any name
         yield path
         return
     from recipe_compiler.compile import named_files

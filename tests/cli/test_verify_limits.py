@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from recipe_cli.arguments import opened
 from recipe_cli.commands.verify import _checked_cost, command
 from recipe_cli.main import recipe
 from recipe_cli.places import check_bytes
@@ -50,6 +51,14 @@ def test_a_dataset_of_many_bytes_is_not_read_unless_allowed(
     assert isinstance(refused.exception, InputError) and "over 10 KiB" in str(refused.exception)
     assert "--allow-large" in str(refused.exception) and not list(tmp_path.iterdir())
     assert CliRunner().invoke(recipe, [*arguments, str(built), "--allow-large"]).exit_code == 0
+
+
+def test_a_dataset_may_be_named_like_a_pack(built: Path, tmp_path: Path) -> None:
+    """`build -o x.recipe` makes such a folder, and `verify` took it for a pack."""
+    named = tmp_path / "x.recipe"
+    named.symlink_to(built)
+    with opened(named) as place:
+        assert datasets.read(place).plan.digest == PLAN.digest
 
 
 def test_each_name_of_a_file_counts_where_it_is_copied(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:

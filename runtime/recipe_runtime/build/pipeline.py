@@ -44,6 +44,7 @@ from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.limits import check_bounds, check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.dataset.plan_reader import check_readable
 from recipe_runtime.dataset.schedule import (
     SHARD_FRAMES,
     ReusedFrames,
@@ -153,6 +154,7 @@ def _build(
     source = sources.source
     check_plan(dataset)
     check_bounds(dataset)  # else the dataset could not be read back
+    check_readable(dataset)
     Workspace.settle(out)
     manifest = read_manifest(out)
     stages.examined = examine(dataset, out, stages.progress) if repair else None

@@ -1,17 +1,20 @@
 """Reads expanded plans from untrusted files, with limits on size before anything is stored.
 
 Parts that are equal in several variants become one object, as in a compiled plan, so they are checked and hashed once.
+Compiled plans are compared with the same limits before they are built (`check_readable`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
-from recipe_compiler.ir.plan import AppearancePlan, Looks, RigPlan, ScenarioPlan, ScenePlan, TownPlan
+from recipe_compiler.ir.canonical import JsonValue, pretty
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import AppearancePlan, DatasetPlan, Looks, RigPlan, ScenarioPlan, ScenePlan, TownPlan
 from recipe_compiler.ir.plan_types import MAX_BODIES, MAX_ELEMENTS, Name, Slots
 
 from recipe_runtime.dataset.json_stream import loads
@@ -25,7 +28,53 @@ MAX_PLAN_BYTES = 1 << 26  # of one plan
 _MAX_VALUES = 2_600_000  # of one plan: 300,000 poses and a town
 _MAX_NUMBERS = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
          "colours of bodies": 40 * MAX_BODIES}  # fmt: skip
+_FRAMING = 200  # bytes of a plan, at most, between its parts
 _SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
+
+
+def check_readable(dataset: DatasetPlan) -> None:
+    """Check that the plans of a dataset, once written, can be read again.
+
+    Raises:
+        InputError: together they are larger than any that are read.
+    """
+    scenes = {v.scene.digest: v.scene for v in dataset.variants}.values()
+    towns = {scene.town.digest: scene.town for scene in scenes}.values()
+    looks = {v.appearance.looks.digest: v.appearance.looks for v in dataset.variants}.values()
+    numbers = {
+        "points of routes": sum(len(actor.route) for scene in scenes for actor in scene.actors),
+        "elements of towns": sum(len(town.elements) for town in towns),
+        "colours of bodies": sum(len(look.root) for look in looks),
+    }
+    remedy = "split the recipe into several"
+    for what, number in numbers.items():
+        if number > _MAX_NUMBERS[what]:
+            raise InputError(f"the plans have {number:,} {what}, over {_MAX_NUMBERS[what]:,}", help=remedy)
+    sizes, total = dict[str, int](), 0
+    for variant in dataset.variants:
+        size = _FRAMING + len(variant.variant.encode())
+        for key, make in _parts(variant):
+            if key not in sizes:
+                sizes[key] = len(pretty(make()).encode())
+            size += sizes[key]
+        total += size
+        if size > MAX_PLAN_BYTES:
+            raise InputError(f"the plan of {variant.variant} has over {MAX_PLAN_BYTES:,} bytes", help=remedy)
+        if total > MAX_BYTES:
+            each = f"that of {variant.variant} has {size:,}"
+            raise InputError(f"the plans have over {MAX_BYTES:,} bytes together; {each}", help=remedy)
+
+
+def _parts(variant: ScenarioPlan) -> Iterator[tuple[str, Callable[[], JsonValue]]]:
+    """Yield the parts of a plan that variants share: a key, and what returns the part in its place in the document."""
+    scene, rig, appearance = variant.scene, variant.rig, variant.appearance
+    yield f"town {scene.town.digest}", lambda: {"scene": {"town": scene.town.document()}}
+    yield f"scene {scene.digest}", lambda: {"scene": scene.model_dump(mode="json", exclude={"town"})}
+    yield f"rig {rig.digest}", lambda: {"rig": rig.document()}
+    looks = appearance.looks
+    yield f"looks {looks.digest}", lambda: {"appearance": {"looks": looks.model_dump(mode="json")}}
+    rest = {"looks"}
+    yield f"appearance {appearance.digest}", lambda: {"appearance": appearance.model_dump(mode="json", exclude=rest)}
 
 
 class PlanReader:
@@ -40,8 +89,10 @@ class PlanReader:
     def read(self, body: bytes) -> ScenarioPlan:
         """Return the plan in a file's content; ValueError with a one-line message if it is invalid or too large."""
         self._bytes += len(body)
-        if len(body) > MAX_PLAN_BYTES or self._bytes > MAX_BYTES:
-            raise ValueError(f"plans of more than {min(MAX_PLAN_BYTES, MAX_BYTES - self._bytes):,} bytes are not read")
+        if len(body) > MAX_PLAN_BYTES:
+            raise ValueError(f"a plan of more than {MAX_PLAN_BYTES:,} bytes is not read")
+        if self._bytes > MAX_BYTES:
+            raise ValueError(f"plans of together more than {MAX_BYTES:,} bytes are not read")
         try:
             return self._scenario(loads(body, _MAX_VALUES))
         except ValidationError as error:

@@ -159,6 +159,8 @@ def test_a_renamed_recipe_is_noted_with_its_locked_name(locked: Lockfile) -> Non
     """Regression: the note said that the file was not locked or its text had changed; there was none for a new name."""
     (same,) = locked.files.values()
     assert text_note(locked, PLAN.digest, {"new.yaml": same}) == "new.yaml was locked as tiny.yaml; the plan is equal"
+    both = {"a.png": same, "new.yaml": same}
+    assert text_note(locked, PLAN.digest, both) == "new.yaml was locked as tiny.yaml; the plan is equal"
     other = "new.yaml was locked as tiny.yaml, with another text; the plan is equal"
     assert text_note(locked, PLAN.digest, {"new.yaml": "b" * 64}) == other
     assert text_note(locked, PLAN.digest, locked.files) is None

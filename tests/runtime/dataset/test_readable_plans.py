@@ -1,0 +1,75 @@
+"""A plan is refused before it is built or locked if the reader of its dataset would refuse it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.ir.canonical import pretty
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import DatasetPlan
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.dataset import plan_reader
+from recipe_runtime.dataset.plan_reader import PlanReader, check_readable
+from recipe_runtime.verify.locking import lock
+
+from tests.runtime import fakes
+
+GOLDEN = Path(__file__).parents[2] / "golden/tiny.yaml"
+PLAN = fakes.dataset_plan(frames=2)
+BODIES = [pretty(variant.document()).encode() for variant in PLAN.variants]
+
+
+def read(plan: DatasetPlan) -> PlanReader:
+    reader = PlanReader()
+    for variant in plan.variants:
+        reader.read(pretty(variant.document()).encode())
+    return reader
+
+
+def test_plans_are_as_large_as_the_check_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check counts shared parts once, and must not be far from the bytes that the reader counts."""
+    size = sum(map(len, BODIES))
+    monkeypatch.setattr(plan_reader, "MAX_BYTES", size - 1)
+    with pytest.raises(InputError, match="bytes together"):
+        check_readable(PLAN)
+    with pytest.raises(ValueError, match=f"together more than {size - 1:,} bytes"):
+        read(PLAN)
+    monkeypatch.setattr(plan_reader, "MAX_BYTES", size + 400 * len(BODIES))
+    check_readable(PLAN)
+    read(PLAN)
+
+
+def test_a_single_plan_has_a_limit_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan_reader, "MAX_PLAN_BYTES", len(BODIES[0]) - 1)
+    with pytest.raises(InputError, match="the plan of weather=w0,jitter=still has over"):
+        check_readable(PLAN)
+    with pytest.raises(ValueError, match="a plan of more than"):
+        read(PLAN)
+
+
+@pytest.mark.parametrize("what", ["points of routes", "elements of towns", "colours of bodies"])
+def test_what_the_reader_counts_is_counted_before_the_build(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both count distinct parts, so they refuse at the same number."""
+    plan = compile_recipe(GOLDEN).plan
+    reader = read(plan)
+    number = reader._numbers[what]
+    assert number
+    monkeypatch.setitem(plan_reader._MAX_NUMBERS, what, number)
+    check_readable(plan)
+    monkeypatch.setitem(plan_reader._MAX_NUMBERS, what, number - 1)
+    with pytest.raises(InputError, match=what):
+        check_readable(plan)
+    with pytest.raises(ValueError, match=what):
+        read(plan)
+
+
+def test_an_unreadable_plan_is_neither_built_nor_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was built, and then no command could read the dataset."""
+    monkeypatch.setattr(plan_reader, "MAX_BYTES", 1000)
+    with pytest.raises(InputError, match="bytes together"):
+        build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=fakes.ENGINES)
+    assert not (tmp_path / "tiny").exists()
+    with pytest.raises(InputError, match="bytes together"):
+        lock(PLAN, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=fakes.ENGINES)
