@@ -151,7 +151,7 @@ def _build(
 ) -> BuildResult:
     """Build as `build` describes; afterwards prune the cache folders `pruned`."""
     start, cache_limit, dataset, store = time.perf_counter(), pruning.limit(), stages.dataset, Store(stages.job.cache)
-    source = sources.source
+    source, files = sources.source, sources.recipe_files
     check_plan(dataset)
     check_bounds(dataset)  # else the dataset could not be read back
     check_readable(dataset)
@@ -164,7 +164,7 @@ def _build(
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out, [store.root, *pruned])
-    provenance.check_outside(out, manifest, dataset, source, sources.recipe_files, sources.used)
+    provenance.check_outside(out, manifest, dataset, source, files, sources.used)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
@@ -173,7 +173,7 @@ def _build(
         pruning.leased(store.root),
         _workspace(dataset, out, journal_key(store.root), replace_other, stages.written) as work,
     ):
-        counts, manifest = stages.run_all(work, out, sources.recipe_files)
+        counts, manifest = stages.run_all(work, out, files and files.with_lock_of(out, dataset))
     if trusted:
         remember(store, out, dataset)
     pruning.auto_prune(pruned, cache_limit)

@@ -16,8 +16,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file
@@ -29,11 +31,15 @@ MAX_BYTES = 256 << 20
 
 @dataclass(frozen=True)
 class RecipeFiles:
-    """The files of a recipe by path relative to its folder, as read when it was compiled, and its lockfile `lock`."""
+    """The files of a recipe by path relative to its folder, as read when it was compiled, and its lockfile `lock`.
+
+    `earlier_lock` is that of the dataset to be replaced.
+    """
 
     recipe: str
     files: Mapping[str, bytes]
     lock: Lockfile | None = None
+    earlier_lock: Lockfile | None = None
 
     def __post_init__(self) -> None:
         """Check the names and the total size of the files.
@@ -56,11 +62,23 @@ class RecipeFiles:
     def contents(self, name: str, identity: str) -> dict[str, bytes]:
         """Return the content of every file, by path in the dataset with that name and identity."""
         found = {f"{layout.RECIPE}/{path}": body for path, body in self.files.items()}
-        if self.lock is not None and self.lock.sealed and self.lock.identity == identity:
-            digests = {path: hashlib.sha256(body).hexdigest() for path, body in self.files.items()}
-            lock = replace(self.lock, source=f"../{self.recipe}", files=digests)
-            found[layout.recipe_lockfile(name)] = lock.dumps().encode()
+        for lock in (self.lock, self.earlier_lock):
+            if lock is not None and lock.sealed and lock.identity == identity:
+                digests = {path: hashlib.sha256(body).hexdigest() for path, body in self.files.items()}
+                moved = replace(lock, source=f"../{self.recipe}", files=digests)
+                found[layout.recipe_lockfile(name)] = moved.dumps().encode()
+                break
         return found
+
+    def with_lock_of(self, out: Path, plan: DatasetPlan) -> RecipeFiles:
+        """Return these files with the lockfile in the dataset at `out`, if it has one: it may be the only copy."""
+        path = layout.recipe_lockfile(plan.recipe)
+        if regular_file(out, path) is None:
+            return self
+        try:
+            return replace(self, earlier_lock=lockfile.read(out / path, plan))
+        except InputError:
+            return self
 
 
 def asset_places(dataset: Dataset) -> dict[str, Path]:

@@ -228,6 +228,20 @@ def test_a_repair_restores_the_recipe_and_no_intact_file(copied: Path, tmp_path:
     assert tree(copied) == before
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("outdated", [False, True])
+def test_the_lockfile_in_a_dataset_is_kept_when_files_are_built_again(
+    copied: Path, tmp_path: Path, outdated: bool
+) -> None:
+    """It may be the only copy: the recipe is elsewhere, without a lockfile or with an outdated one."""
+    own = lockfile.read(copied / "recipe/lockfiles/assets.lock")
+    sources = RecipeFiles("recipe.yaml", FILES, replace(own, plan="0" * 64) if outdated else None)
+    before = tree(copied)
+    next(copied.rglob("*.png")).unlink()
+    build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources)
+    assert tree(copied) == before
+
+
 def test_a_lockfile_of_another_dataset_is_not_included(tmp_path: Path) -> None:
     plan = dataset_plan(frames=2, weathers=1)
     other = replace(lock(plan, "x.yaml", {}, workers=0, progress=quiet, engines=ENGINES), plan="0" * 64)
