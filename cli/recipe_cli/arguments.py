@@ -57,6 +57,17 @@ class LocalPath(_AnyPath):
         return super().convert(value, param, ctx)
 
 
+class Share(click.FloatRange):
+    """A number in a range; not NaN, which every comparison with a range lets pass."""
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """A number; a usage error for one out of the range."""
+        number: float = super().convert(value, param, ctx)
+        if number != number:
+            self.fail(f"{value} is not a number", param, ctx)
+        return number
+
+
 RECIPES = completion.files(*completion.SUFFIXES)
 RECIPE = click.argument("recipe", type=LocalPath(path_type=Path), shell_complete=RECIPES)
 VARIANT = click.option(

@@ -17,6 +17,7 @@ from recipe_cli.arguments import (
     WORKERS,
     LocalPath,
     PlaceOrUrl,
+    Share,
     compile_quietly,
     dataset_at,
     engines_for,
@@ -46,14 +47,14 @@ _MAX_SHOWN = 20
 @click.option("--nonce", type=click.IntRange(0, 2**53 - 1), help="Draw the sample of an earlier run again.")
 @click.option(
     "--confidence",
-    type=click.FloatRange(0.5, 0.9999),
+    type=Share(0.5, 0.9999),
     default=0.95,
     show_default=True,
     help="Confidence that a smaller fraction of frames than --bound differs.",
 )
 @click.option(
     "--bound",
-    type=click.FloatRange(0.0001, 0.9),
+    type=Share(0.0001, 0.9),
     default=0.05,
     show_default=True,
     help="Fraction of differing frames that the sample must detect.",
