@@ -123,6 +123,8 @@ class Target:
         if not replace:
             self.check_replaceable(manifest["recipe"])
         rows, sizes = listed_files(manifest), self._sizes()
+        if not replace:
+            self._check_lockfile(manifest, rows)
         if self.existing == manifest and self._is_complete(rows, sizes):
             return Copied(0, 0, len(rows))
         journal = UploadJournal(root, self._full)
@@ -139,7 +141,7 @@ class Target:
                 self._fs.rm_file(self._at(layout.MANIFEST))
             copied = self._send(root, rows, missing, journal, progress)
             for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, MARKER}):
-                self._fs.rm_file(self._at(path))
+                self._remove(path)
             if self._marker_token() != token:
                 raise RunError(
                     f"{self.url}: another upload to this place ran at the same time; upload again when it has ended"
@@ -219,6 +221,25 @@ class Target:
         folder.mkdir(parents=True, exist_ok=True)
         with suppress(FileNotFoundError):
             self._fs.rm_file(self._at(path))
+
+    def _check_lockfile(self, manifest: Manifest, rows: Rows) -> None:
+        """Raise InputError if the place has the lockfile of this dataset, which the dataset lacks: the only copy."""
+        path, there = layout.recipe_lockfile(manifest["recipe"]), self.existing
+        equal = there is not None and there["identity"] == manifest["identity"]
+        if there is not None and equal and path in listed_files(there) and path not in rows:
+            raise InputError(
+                f"{self.url} has a lockfile, {path}, which {self._root} lacks, and which would be removed",
+                help="copy the lockfile to the recipe and build into another folder, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
+
+    def _remove(self, path: str) -> None:
+        """Remove a file and, on a local disk, the folders that become empty: `verify` reports those."""
+        self._fs.rm_file(self._at(path))
+        if "file" in self._fs.protocol:
+            with suppress(OSError):
+                for folder in list(PurePosixPath(path).parents)[:-1]:
+                    (Path(self._prefix) / folder).rmdir()
 
     def _is_file(self, path: str) -> bool:
         """Return whether a path can be read; on a local disk pipes and links cannot."""

@@ -16,10 +16,12 @@ import fsspec
 import pytest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.transfer.upload import MARKER, Copied, Target
 from recipe_runtime.transfer.upload_journal import UploadJournal
+from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -75,6 +77,33 @@ def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path
     unchanged = {path for path, body in local(other).items() if before.get(path) == body}
     assert sent.kept == len(unchanged) and sent.sent < len(local(other)) / 2
     assert not list(other.parent.glob(".*sent*"))
+    if url.startswith("file"):  # `verify` reports folders without a file
+        assert all(any(folder.iterdir()) for folder in Path(url[7:]).rglob("*") if folder.is_dir())
+
+
+def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(url: str, tmp_path: Path) -> None:
+    """It may be the only copy: the recipe that the dataset was built from has none."""
+    plan = dataset_plan(frames=2, weathers=1)
+    locked = lock(plan, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
+    made = {
+        name: build(
+            plan,
+            tmp_path / name / "small",
+            workers=0,
+            cache=tmp_path / "cache",
+            engines=ENGINES,
+            recipe_files=RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: small\n"}, row),
+        ).path
+        for name, row in (("with", locked), ("without", None))
+    }
+    put(url, made["with"])
+    before = remote_files(url)
+    assert layout.recipe_lockfile(plan.recipe) in before
+    with pytest.raises(InputError, match="has a lockfile"):
+        put(url, made["without"])
+    assert remote_files(url) == before
+    Target(url, made["without"]).put(lambda *_: None, replace=True)
+    assert remote_files(url) == local(made["without"])
 
 
 @pytest.mark.parametrize("place", ["{root}", "{link}", "{root}/copy", "{root}/mots/copy", "{above}"])
