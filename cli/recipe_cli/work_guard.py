@@ -124,12 +124,14 @@ class _Guard:
         seconds = _processor_seconds() - self._before[0]
         if seconds > TIMES * self._seconds + SECONDS:
             return self._message("it has taken", _time(seconds), "of processor time", _time(self._seconds))
-        memory = 0 if self._memory is None else _memory_bytes() - self._before[1]
-        if self._memory is not None and memory > MEMORY_TIMES * self._memory + MEMORY_BYTES:
-            from recipe_compiler.limits import size
+        if self._memory is None:
+            return None
+        memory = _memory_bytes() - self._before[1]
+        if memory <= MEMORY_TIMES * self._memory + MEMORY_BYTES:
+            return None
+        from recipe_compiler.limits import size
 
-            return self._message("it takes", size(memory), "of memory", size(self._memory))
-        return None
+        return self._message("it takes", size(memory), "of memory", size(self._memory))
 
     def _message(self, verb: str, amount: str, of: str, estimate: str) -> str:
         return f"{self._work} was stopped: {verb} {amount} {of}, far more than the estimate of {estimate}"

@@ -34,7 +34,7 @@ _EVENT_BYTES = 0.08  # of a variant's events: per element of its town and frame
 _SEEN, _SEEN_AT_MOST, _SEEN_NAMED = 0.1, 0.7, 0.6  # share of the actors that a frame shows; of those with a name
 _SEEN_SMALL, _SEEN_HEIGHT = 75, 0.004  # that share in a small town, times its elements; more per metre of height
 
-_SHARD_FRAMES = 5
+_SHARD_FRAMES = 5  # of the runtime's schedule
 
 # Seconds on one core of an x86 processor of the 2020s. A megasample is a million rendered samples.
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6  # per process

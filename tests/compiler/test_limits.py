@@ -24,6 +24,7 @@ from recipe_compiler.load import Clip, Load
 from recipe_compiler.lowering import props_nearby, workload
 from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.schema.sweep import Sweep
+from recipe_runtime.dataset.schedule import SHARD_FRAMES
 
 from tests.compiler.kitchen import compiled, small
 from tests.compiler.modelling import obj
@@ -249,6 +250,7 @@ def test_each_worker_starts_and_loads_the_scenes_of_its_shards() -> None:
     assert cost.minutes_of_further_workers(3) == pytest.approx(2 * cost.minutes_of_further_workers(2))
     assert cost.minutes_of_further_workers(2) > cost.minutes_to_load == pytest.approx(0.15, abs=0.01)
     most = cost.minutes_to_load_shards
+    assert limits._SHARD_FRAMES == SHARD_FRAMES
     assert most == pytest.approx(10 * cost.minutes_to_load, rel=0.05)  # 50 frames are 10 shards
     assert cost.minutes_of_further_workers(50) == pytest.approx(49 * 2.2 / 60 + most)
 

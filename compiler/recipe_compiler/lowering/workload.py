@@ -77,7 +77,7 @@ def _mesh_size(asset: AssetFile) -> MeshSize:
     return MeshSize(asset.triangles, asset.parts, asset.file.bytes if asset.file.kind == "obj" else 0)
 
 
-def _triangles(sizes: Mapping[str, MeshSize], meshes: Iterable[str | None]) -> dict[str, int]:
+def _prop_sizes(sizes: Mapping[str, MeshSize], meshes: Iterable[str | None]) -> dict[str, int]:
     """Return the sizes of all props and of their distinct meshes, as arguments of `Load`.
 
     Args:
@@ -144,7 +144,7 @@ def estimated(variant: Variant, base: Base, changes: int, assets: AssetSizes) ->
         patch_images=clock.frames
         * sum(p.texture is not None and p.texture.frames is not None for p in base.patches.values()),
         looks=_looks(base, assets, crowds, seconds),
-        **_triangles(assets.meshes, (prop.asset for prop in base.props.values())),
+        **_prop_sizes(assets.meshes, (prop.asset for prop in base.props.values())),
     )
 
 
@@ -277,7 +277,7 @@ def measured(plan: ScenarioPlan, assets: AssetSizes = _NO_ASSETS) -> Load:
         inserted_patches=sum(patch.inserted for patch in patches),
         charts=sum(patch.transfer in WITH_CHART for patch in patches),
         looks=_looks_of(plan),
-        **_triangles(assets.files, (p.mesh.sha256 if p.mesh else None for p in plan.scene.props)),
+        **_prop_sizes(assets.files, (p.mesh.sha256 if p.mesh else None for p in plan.scene.props)),
     )
 
 

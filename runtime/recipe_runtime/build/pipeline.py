@@ -41,7 +41,7 @@ from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset.assembly import FrameAssembly
-from recipe_runtime.dataset.limits import check_bounds, check_plan
+from recipe_runtime.dataset.limits import check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_reader import check_readable
@@ -153,7 +153,6 @@ def _build(
     start, cache_limit, dataset, store = time.perf_counter(), pruning.limit(), stages.dataset, Store(stages.job.cache)
     source, files = sources.source, sources.recipe_files
     check_plan(dataset)
-    check_bounds(dataset)  # else the dataset could not be read back
     check_readable(dataset)
     Workspace.settle(out)
     manifest = read_manifest(out)

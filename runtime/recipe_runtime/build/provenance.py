@@ -1,8 +1,7 @@
 """Records which recipe a dataset was built from, so that no recipe replaces the dataset of another by mistake.
 
     datasets/rain_bench/                 the dataset, which contains no path of this machine
-    datasets/.rain_bench.source.json     format, the recipe's name, its path relative to datasets/, the dataset's
-    identity
+    datasets/.rain_bench.source.json     the recipe's name, its path relative to datasets/, the dataset's identity
 
 A recipe is identified by its name and its file. The record is valid only for the dataset whose identity it contains: a
 dataset copied to that place from elsewhere has no recorded recipe.

@@ -18,7 +18,7 @@ from recipe_compiler.ir.plan import AppearancePlan, DatasetPlan, Looks, RigPlan,
 from recipe_compiler.ir.plan_types import MAX_BODIES, MAX_ELEMENTS, Name, Slots
 
 from recipe_runtime.dataset.json_stream import loads
-from recipe_runtime.dataset.limits import MAX_POSES
+from recipe_runtime.dataset.limits import MAX_POSES, check_bounds
 from recipe_runtime.dataset.manifest_reader import first_error
 
 T = TypeVar("T")
@@ -33,11 +33,12 @@ _SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
 
 
 def check_readable(dataset: DatasetPlan) -> None:
-    """Check that the plans of a dataset, once written, can be read again.
+    """Check that the plans of a dataset, once written, can be read again, and its lockfile with them.
 
     Raises:
-        InputError: together they are larger than any that are read.
+        InputError: a number in them is out of its bounds, or together they are larger than any that are read.
     """
+    check_bounds(dataset)
     scenes = {v.scene.digest: v.scene for v in dataset.variants}.values()
     towns = {scene.town.digest: scene.town for scene in scenes}.values()
     looks = {v.appearance.looks.digest: v.appearance.looks for v in dataset.variants}.values()

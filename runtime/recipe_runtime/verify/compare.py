@@ -56,9 +56,9 @@ def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None
     locked = set(lock.files.values())
     changed = sorted(path for path, value in files.items() if value not in locked)
     source = PurePosixPath(lock.source).name
-    suffix = PurePosixPath(source).suffix  # a picture may have a new name, too
-    names = [path for path in sorted(files.keys() - lock.files.keys()) if path.endswith(suffix)]
-    names = names if source in lock.files and source not in files else []
+    renamed = source in lock.files and source not in files
+    new = sorted(files.keys() - lock.files.keys()) if renamed else []
+    names = [path for path in new if PurePosixPath(path).suffix == PurePosixPath(source).suffix]  # not of a picture
     if names:
         text = ", with another text" if names[0] in changed else ""
         return f"{names[0]} was locked as {source}{text}; the plan is equal"

@@ -17,7 +17,6 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset.digests import bare, frame_rows, with_rows
-from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.dataset.plan_reader import check_readable
 from recipe_runtime.dataset.schedule import Shard, all_shards, simulations, views
 from recipe_runtime.frames.engines import Engines, devices, real_engines
@@ -39,8 +38,7 @@ def lock(
 
     `traces` is filled with the motion of each scene, by its digest.
     """
-    check_bounds(plan)  # else the lockfile could not be read back
-    check_readable(plan)  # else its dataset could not be read back
+    check_readable(plan)
     engines = engines or real_engines()
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
         made = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
