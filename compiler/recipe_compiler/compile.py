@@ -235,6 +235,8 @@ def _lowered(
             plan = lowering.scenario(variant, base)
         except TooMuchWorkError:
             raise compile_guard.too_much_planning(root, estimate) from None
+        except ValidationError as error:
+            raise compile_guard.beyond_plans(root, variant.name, error) from None
         wrong.add(lowering.problems, variant)
         warnings.add(lowering.warnings, variant)
         lowering.problems.clear()

@@ -10,7 +10,9 @@ import dataclasses
 import resource
 import time
 
-from recipe_compiler.ir.errors import Place
+from pydantic import ValidationError
+
+from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.limits import COMPILE_LIMIT, MEMORY_LIMIT, Cost, TooLargeError, size, total
 from recipe_compiler.load import Load
 from recipe_compiler.source.yaml_reader import Value
@@ -77,3 +79,13 @@ def too_much_planning(root: Value, estimate: Cost) -> TooLargeError:
     """Return the error to raise if planning the routes of pedestrians takes more work than is allowed."""
     place = root.place_of("base", "actors") if root.get("base", "actors") else root.place_of("base", "traffic")
     return TooLargeError(place, estimate, ["planning the routes of its pedestrians takes too long"])
+
+
+def beyond_plans(root: Value, variant: str, error: ValidationError) -> InputError:
+    """Return the error to raise if a variant, though valid, has a value that plans cannot hold."""
+    first = error.errors(include_url=False)[0]
+    where = ".".join(map(str, (error.title, *first["loc"])))
+    message = f"the variant {variant} exceeds a limit of plans: {where}: {first['msg'].lower()}"
+    return InputError(
+        [Problem(message, root.key_place("base"), "choose smaller values, or fewer of them", Code.INPUT_LIMIT)]
+    )

@@ -222,7 +222,10 @@ def leaves(delta: Value, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str
 
 
 def clashes(root: Value, axes: Axes, sweep: Sweep) -> list[Problem]:
-    """A warning for each path that two axes set, at the later one, naming both; the draws are the last axis."""
+    """A warning for each path that two axes set, at the later one, naming both; the draws are the last axis.
+
+    A draw that replaces the map of an earlier draw is reported too.
+    """
     warnings: dict[tuple[str, str, str], Problem] = {}
     earlier = _Paths()
     for axis, values in axes.items():
@@ -234,11 +237,16 @@ def clashes(root: Value, axes: Axes, sweep: Sweep) -> list[Problem]:
                 warnings.setdefault((other, axis, ".".join(path)), found)
         for path, _ in own:
             earlier.add(path, axis)
+    drawn = _Paths()
     for drawn_path in sweep.draw.values if sweep.draw else ():
-        if (other := earlier.conflicting(tuple(drawn_path.split(".")))) is not None:
+        keys, place = tuple(drawn_path.split(".")), root.place_of("sweep", "draw", "values", drawn_path)
+        if (other := earlier.conflicting(keys)) is not None:
             message = f"axis {other} and sweep.draw both set {drawn_path}"
-            place = root.place_of("sweep", "draw", "values", drawn_path)
             warnings["", "", drawn_path] = Problem(message, place, "the draw wins", Code.AXES_OVERLAP)
+        elif (lost := drawn.below(keys)) is not None:
+            message = f"sweep.draw replaces {drawn_path} after it has drawn {lost}, which is lost"
+            warnings["", "", drawn_path] = Problem(message, place, f"draw {drawn_path} first", Code.AXES_OVERLAP)
+        drawn.add(keys, drawn_path)
     return list(warnings.values())
 
 
@@ -254,6 +262,10 @@ class _Paths:
         self._set.setdefault(path, axis)
         for n in range(1, len(path)):
             self._below.setdefault(path[:n], axis)
+
+    def below(self, path: tuple[str, ...]) -> str | None:
+        """The first axis that sets a path below this one."""
+        return self._below.get(path)
 
     def conflicting(self, path: tuple[str, ...]) -> str | None:
         """The axis that sets this path, or one above or below it."""

@@ -18,7 +18,7 @@ class Clip:
     still: bool = True  # neither in motion nor mounted on an actor
     bloom: bool = False
     moments: float = 0.0  # that motion blur averages
-    interval: int = 1  # frames of the clip from one of its own to the next
+    interval: int = 1  # frames of the clip from one of its own to the next; at most all
     boxes: int = 0  # buildings and walls that shorten its arm
     history: int = 0  # earlier frames that its arm reads at each frame
     height: float = 0.0  # metres, of its highest point; above the actor that carries it

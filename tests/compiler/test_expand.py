@@ -45,6 +45,16 @@ def test_a_draw_over_a_preset_causes_a_warning() -> None:
     assert warning.message == "axis w and sweep.draw both set weather.wetness"
 
 
+def test_a_draw_that_replaces_an_earlier_draw_causes_a_warning() -> None:
+    """All draws of the fog would be lost, silently; in the other order both have an effect."""
+    fog, preset = {"weather.fog_density": {"uniform": [10, 20]}}, {"weather": {"choice": ["WetNoon"]}}
+    (warning,) = compiled(small() | {"sweep": {"draw": {"count": 2, "values": fog | preset}}}).warnings
+    assert warning.message == "sweep.draw replaces weather after it has drawn weather.fog_density, which is lost"
+    assert warning.help == "draw weather first"
+    result = compiled(small() | {"sweep": {"draw": {"count": 2, "values": preset | fog}}})
+    assert not result.warnings and len({v.appearance.weather.fog_density for v in result.plan.variants}) == 2
+
+
 @pytest.mark.slow
 def test_conflicts_of_thousands_of_paths_are_found_quickly() -> None:
     from recipe_compiler.expand import clashes

@@ -575,3 +575,13 @@ def test_patches_of_a_recipe_and_of_its_plan_have_one_estimate() -> None:
     }
     load = workload.measured(compiled(recipe).plan.variants[0])
     assert (load.patches, load.moving_patches, load.inserted_patches, load.charts) == (4, 1, 2, 1)
+
+
+def test_a_tick_longer_than_the_clip_costs_no_more_than_one_as_long() -> None:
+    """The clip was estimated as long as its sensor's tick: two frames as 30 GiB, which was refused."""
+    sensor = {"mount": {"z": 2}, "capture": ["rgb"], "camera": {"width": 64, "height": 48}}
+    costs = [
+        compiled(small(clock={"fps": 240, "frames": 2}, sensors={"s": {**sensor, "tick": tick}})).cost
+        for tick in (2 / 240, 86_400)
+    ]
+    assert costs[0] == costs[1]

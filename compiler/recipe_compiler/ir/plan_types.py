@@ -17,6 +17,7 @@ MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
 MAX_BODIES = MAX_ELEMENTS + MAX_ACTORS + MAX_PROPS
 MAX_SLOTS = 64
 MAX_FILE_BYTES = 32 << 20
+MAX_INTERVAL = 86_400 * 1000  # frames from one picture of a sensor to the next: a day at the highest frame rate
 MAX_PIXELS_A_SIDE = 4096
 MAX_VARIANT_NAME, MAX_DESCRIPTION = 240, 2000  # characters
 

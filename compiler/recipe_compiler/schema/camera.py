@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -17,7 +18,7 @@ from recipe_compiler.schema.fields import (
     bounded,
     distinct,
 )
-from recipe_compiler.schema.motion import Motion
+from recipe_compiler.schema.motion import SHORTEST_LEG, Motion
 from recipe_compiler.schema.tick import MAX_TICK
 
 Attachment = Literal["rigid", "spring_arm", "spring_arm_ghost"]
@@ -159,7 +160,10 @@ class Sensor(Model):
 
     def _stays(self) -> bool:
         start, route = (self.mount.x, self.mount.y, self.mount.z), self.motion.route
-        return route is not None and not route.road and all(point == start for point in route.waypoints(start))
+        if route is None or route.road:
+            return False
+        spans = ([end - begin for begin, end in zip(start, point, strict=True)] for point in route.waypoints(start))
+        return all(math.sqrt(sum(span * span for span in each)) <= SHORTEST_LEG for each in spans)
 
     @model_validator(mode="after")
     def _one_frame_of_reference(self) -> Sensor:

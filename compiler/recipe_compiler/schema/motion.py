@@ -20,6 +20,7 @@ from recipe_compiler.schema.fields import (
 )
 
 MAX_POINTS = 1000
+SHORTEST_LEG = 1e-6  # metres; shorter legs of a route are left out
 
 Span = Annotated[tuple[Degrees, Degrees], Loose, AfterValidator(ordered)]
 Sway = Annotated[Span | None, Field(description="Lowest and highest angle, degrees, added to the mount's angle.")]

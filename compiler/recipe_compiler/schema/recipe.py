@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, StringConstraints
 
 from recipe_compiler.ir.patches import MAX_PATCHES
+from recipe_compiler.ir.plan_types import MAX_SENSORS
 from recipe_compiler.schema.camera import Sensor
 from recipe_compiler.schema.fields import MAX_ASSETS, MAX_PROPS, Model, Name, Seed, distinct
 from recipe_compiler.schema.patches import Patch
@@ -34,7 +35,7 @@ class Base(Model):
         dict[Name, Patch],
         Field(max_length=MAX_PATCHES, description="Textures on surfaces, by name; later ones lie over earlier ones."),
     ] = {}
-    sensors: Annotated[dict[Name, Sensor], Field(min_length=1, description="Sensors by name.")]
+    sensors: Annotated[dict[Name, Sensor], Field(min_length=1, max_length=MAX_SENSORS, description="Sensors by name.")]
 
 
 class Output(Model):

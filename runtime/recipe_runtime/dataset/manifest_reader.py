@@ -17,7 +17,7 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan_types import (
     MAX_DESCRIPTION,
-    MAX_FRAMES,
+    MAX_INTERVAL,
     MAX_SENSORS,
     MAX_VARIANT_NAME,
     MAX_VARIANTS,
@@ -200,7 +200,9 @@ def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
 
 def _check_intervals(value: object, variant: str) -> None:
     sound = isinstance(value, dict) and 0 < len(value) <= MAX_SENSORS
-    if not sound or not all(type(n) is int and 1 < n <= MAX_FRAMES for n in cast("dict[str, object]", value).values()):
+    if not sound or not all(
+        type(n) is int and 1 < n <= MAX_INTERVAL for n in cast("dict[str, object]", value).values()
+    ):
         raise ValueError(f"the variant {variant!r} has intervals that no sensor has")
 
 

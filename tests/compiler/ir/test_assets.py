@@ -245,6 +245,11 @@ BROKEN: dict[str, tuple[str, bytes, str]] = {
     "NaN in JSON": ("glb", _glb(nodes=[{"mesh": 0, "scale": [float("nan"), 1, 1]}]), "its content is not JSON"),
     "another file": ("glb", _glb(buffers=[{"uri": "../secret.bin", "byteLength": 9}]), "another file, '../secret.bin'"),
     "a web address": ("glb", _glb(images=[{"uri": "http://a.invalid/x"}]), "another file, 'http://a.invalid/x'"),
+    "many images": (
+        "glb",
+        _glb(images=[{}] * 100_002, textures=[{"source": 100_001}]),
+        "100001 images exceed the limit of 100000",
+    ),
     "a loop": ("glb", _glb(nodes=[{"mesh": 0, "children": [0]}]), "is its own ancestor"),
     "two parents": ("glb", _glb(nodes=[{"children": [1, 1]}, {"mesh": 0}]), "is its own ancestor"),
     "a node beyond": ("glb", _glb(nodes=[{"children": [7]}]), "names nodes 7 of 1"),

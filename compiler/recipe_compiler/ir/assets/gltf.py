@@ -36,6 +36,7 @@ MAX_VALUES = 500_000  # of the JSON; lists and objects included
 MAX_NODES = 10_000
 MAX_REPEATED = 1 << 20  # bytes of images beyond the file's size, which images that share data may have
 MAX_CHUNKS = 1000  # of a .glb file, of which two are read
+MAX_IMAGES = 100_000
 MAX_PARTS = 20_000  # of all nodes' meshes together; each costs time, however small it is
 _CHUNKS = (b"JSON", b"BIN\0")
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -302,6 +303,7 @@ class _Document:
                     "has a transformed texture, or one in an unsupported format; export it with a PNG image"
                 )
             image, channel = _whole(texture["source"]), _whole(used.get("texCoord", 0))
+            check_count(image, "images", MAX_IMAGES)
             self._item("images", image)
             sampler = self._item("samplers", texture["sampler"]) if "sampler" in texture else {}
             repeat = self._repeats(sampler)

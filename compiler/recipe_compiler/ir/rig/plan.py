@@ -13,6 +13,7 @@ from recipe_compiler.ir.modalities import MODALITIES, Modality
 from recipe_compiler.ir.plan_types import (
     MAX_ELEMENTS,
     MAX_FRAMES,
+    MAX_INTERVAL,
     MAX_PIXELS_A_SIDE,
     MAX_SENSORS,
     Degrees,
@@ -65,7 +66,7 @@ class SensorPlan(Plan):
         tuple[Pose, ...], Field(max_length=MAX_FRAMES)
     ]  # one if it never moves, else one a frame; in the frame of `on`, or of `arm`
     arm: ArmPlan | None = None  # between `on` and the sensor; None: rigid
-    interval: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = 1  # frames from one of its pictures to the next
+    interval: Annotated[int, Field(ge=1, le=MAX_INTERVAL)] = 1  # frames from one of its pictures to the next
 
     def pose(self, frame: int) -> Pose:
         """Pose at a frame, jitter included."""

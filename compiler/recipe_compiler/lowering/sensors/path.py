@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from recipe_compiler.ir import exact
+from recipe_compiler.schema.motion import SHORTEST_LEG
 
 _DEGREE = math.pi / 180.0
-_SHORTEST = 1e-6  # shorter legs are left out
 _U_TURN = 179.9  # corners that turn by more are not rounded
 
 Vector = tuple[float, float, float]
@@ -107,7 +107,7 @@ def _pieces(points: Sequence[Vector], radius: float, closed: bool) -> list[_Piec
         start = _end(legs[-1]) if legs else points[0]
         span = end[0] - start[0], end[1] - start[1], end[2] - start[2]
         length = math.sqrt(_dot(span, span))
-        if length > _SHORTEST:
+        if length > SHORTEST_LEG:
             legs.append((start, (span[0] / length, span[1] / length, span[2] / length), length))
     corners = [_corner(a, b, radius) for a, b in itertools.pairwise(legs)]
     last = _corner(legs[-1], legs[0], radius) if closed else _SHARP
@@ -118,7 +118,7 @@ def _pieces(points: Sequence[Vector], radius: float, closed: bool) -> list[_Piec
             pieces.append(_arc(_end(legs[-1]), legs[-1][1], before, yaw, 0.5, 0.5))
         yaw = _yaw(ahead, yaw)
         line = length - before.cut - after.cut
-        if line > _SHORTEST:
+        if line > SHORTEST_LEG:
             pieces.append(_Piece(_sum(start, ahead, before.cut), ahead, line, yaw))
         if after.radius > 0.0:
             end = start[0] + ahead[0] * length, start[1] + ahead[1] * length, start[2] + ahead[2] * length
