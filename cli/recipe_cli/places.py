@@ -192,32 +192,37 @@ def _check_stores_files(folder: Path, parent: Path) -> None:
         ) from None
 
 
-def check_bytes(dataset: Dataset, *, copies: bool = False, allow_large: bool = False) -> None:
+def check_bytes(dataset: Dataset, *, copies: int = 0, allow_large: bool = False) -> int:
     """Check that a dataset, which is untrusted and whose files are all to be read, is not very large.
 
     Args:
         dataset: the dataset.
-        copies: whether each name of a file counts, since each is to be written.
+        copies: how many times a file is written, at most, under each of its names; 0 if files are only read.
         allow_large: check nothing.
 
+    Returns:
+        The bytes of its files, times `copies`.
+
     Raises:
-        InputError: its files have more bytes than those of a recipe may have, and `allow_large` is not set.
+        InputError: these are more bytes than those of a recipe may have, and `allow_large` is not set.
     """
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.limits import BYTE_LIMIT, size
 
     sizes = dict[object, int]()
-    for path in () if allow_large else dataset.files:
+    for path in dataset.files:
         with suppress(OSError):
             there = (dataset.root / path).lstat()
             sizes[path if copies else (there.st_dev, there.st_ino)] = there.st_size
-    total = sum(sizes.values())
-    if total > BYTE_LIMIT:
+    total = sum(sizes.values()) * max(copies, 1)
+    if total > BYTE_LIMIT and not allow_large:
+        times = f", written up to {copies} times" if copies > 1 else ""
         raise InputError(
-            f"{dataset.name}: its files have {size(total)}, over {size(BYTE_LIMIT)}",
+            f"{dataset.name}: its files have {size(total)}{times}, over {size(BYTE_LIMIT)}",
             help="give --allow-large if that is expected",
             code=Code.SIZE_LIMIT,
         )
+    return total
 
 
 def memory(workers: int) -> Memory:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from recipe_compiler.ir.plurals import count
 
 if TYPE_CHECKING:
+    from recipe_compiler.ir.plan import DatasetPlan
     from recipe_compiler.limits import Cost
 
 TIMES, SECONDS = 4, 120.0  # of processor time: times the estimate, and added to it, for slow processors and kernels
@@ -29,6 +30,27 @@ _REMEDY = "if that is expected, run the command again with --allow-large"
 _PAUSE = 0.25  # seconds between two measurements
 _AGAIN = 60.0  # seconds after which an interrupt is repeated that ended nothing: code in between may have caught it
 _TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def dataset_cost(plan: DatasetPlan, work: str, remedy: str, *, allow_large: bool = False) -> Cost:
+    """Return the most that the plan of a dataset, which is untrusted, may cost to build.
+
+    Args:
+        plan: the plan.
+        work: the beginning of the message: `NAME: to render its plan`.
+        remedy: the remedy of the message.
+        allow_large: check nothing.
+
+    Raises:
+        InputError: it exceeds the limits, and `allow_large` is not set.
+    """
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.lowering.workload import plan_cost
+
+    reasons = [] if allow_large else plan_cost(plan).over()
+    if reasons:
+        raise InputError(f"{work}, {', and '.join(reasons)}", help=remedy, code=Code.SIZE_LIMIT)
+    return plan_cost(plan, largest_files=True)
 
 
 @contextmanager

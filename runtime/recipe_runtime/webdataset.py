@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import warnings
 from typing import Any, NoReturn
 
@@ -54,12 +55,17 @@ def decode(key: str, data: bytes) -> Any:
 
 def _document(key: str, data: bytes) -> Any:
     try:
-        document = json.loads(data, parse_constant=_no_number)
+        document = json.loads(data, parse_constant=_no_number, parse_float=_finite)
     except RecursionError:
         raise ValueError(f"{key}: is nested too deeply") from None
     if not isinstance(document, dict):
         raise ValueError(f"{key}: is not the record of a frame")
     return document
+
+
+def _finite(word: str) -> float:
+    value = float(word)
+    return value if math.isfinite(value) else _no_number(word)
 
 
 def _no_number(word: str) -> NoReturn:
@@ -72,6 +78,8 @@ def _pixels(key: str, data: bytes) -> NDArray[Any]:
             warnings.simplefilter("ignore")  # Pillow's about large pictures, which are refused below
             with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:  # reads the headers only
                 width, height = picture.size
+                if picture.mode == "P":
+                    raise ValueError("it has a palette")
                 if max(width, height) <= MAX_PIXELS_A_SIDE:
                     return np.array(picture)
     except Exception as error:  # Pillow raises errors of many types for damaged files

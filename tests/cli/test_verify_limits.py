@@ -70,7 +70,64 @@ def test_each_name_of_a_file_counts_where_it_is_copied(built: Path, monkeypatch:
     monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", linked)
     check_bytes(held)
     with pytest.raises(InputError, match="its files have"):
-        check_bytes(held, copies=True)
+        check_bytes(held, copies=1)
+
+
+def test_each_picture_counts_as_often_as_it_is_written(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: exports for Armory, which has four layouts, wrote 80 GiB where 20 is the limit."""
+    held = datasets.read(built)
+    once = check_bytes(held, copies=1)
+    monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", once)
+    check_bytes(held, copies=1)
+    with pytest.raises(InputError, match="written up to 4 times, over"):
+        check_bytes(held, copies=4)
+
+
+EXPORT = ("export", "--output", "made", "--format")
+
+
+@pytest.mark.parametrize("form", ["webdataset", "mots", "kitti"])
+def test_an_export_stops_when_it_writes_far_more_than_the_dataset_has(
+    built: Path, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: 900 pictures of sensors with a `tick` of a million frames became 21 GB of poses for KITTI."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("recipe_cli.work_guard.DISK_TIMES", 0)
+    monkeypatch.setattr("recipe_cli.work_guard.DISK_BYTES", 100)
+    stopped = CliRunner().invoke(recipe, [*EXPORT, form, str(built)])
+    assert isinstance(stopped.exception, InputError) and "the export was stopped: it writes" in str(stopped.exception)
+    assert not list(tmp_path.iterdir())
+    assert CliRunner().invoke(recipe, [*EXPORT, form, str(built), "--allow-large"]).exit_code == 0
+
+
+def test_a_dataset_over_the_limits_is_not_exported_unless_allowed(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: 60,000 pictures of 4096 x 4096 in 95 MB of hard links would have been decoded for 20 hours."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("recipe_compiler.limits.FRAME_LIMIT", 1)
+    refused = CliRunner().invoke(recipe, [*EXPORT, "kitti", str(built)])
+    assert isinstance(refused.exception, InputError) and "frames are over 1" in str(refused.exception)
+    assert not list(tmp_path.iterdir())
+    assert CliRunner().invoke(recipe, [*EXPORT, "kitti", str(built), "--allow-large"]).exit_code == 0
+
+
+def test_an_export_stops_when_it_takes_far_more_time_than_estimated(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("recipe_cli.work_guard.TIMES", 0)
+    monkeypatch.setattr("recipe_cli.work_guard.SECONDS", 0.3)
+
+    def busy(*_: object, **__: object) -> None:
+        while True:
+            pass
+
+    monkeypatch.setattr("recipe_runtime.transfer.layouts.export_layout", busy)
+    stopped = CliRunner().invoke(recipe, [*EXPORT, "kitti", str(built)])
+    assert isinstance(stopped.exception, InputError) and "the export was stopped: it has taken" in str(
+        stopped.exception
+    )
 
 
 @pytest.mark.slow

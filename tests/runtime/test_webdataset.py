@@ -137,6 +137,8 @@ TRANSPARENT = _encoded(Image.new("RGBA", (3, 2)))
         (".depth.npy", codecs.npy(np.full((2, 3), np.nan, np.float32))),
         (".json", b"[]"),
         (".json", b'{"frame": NaN}'),
+        (".json", b'{"frame": 1e999}'),
+        (".semantic.png", _encoded(Image.new("P", (3, 2)))),  # the numbers are places in a palette
     ],
 )
 def test_damaged_files_and_other_types_are_errors(key: str, data: bytes) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -13,12 +14,15 @@ from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, output_option, re
 from recipe_cli.console import print_json, say, warn
 from recipe_cli.places import check_bytes
 from recipe_cli.progress import Progress
+from recipe_cli.work_guard import dataset_cost, disk_bound, within_estimate
 
 if TYPE_CHECKING:
     from recipe_runtime.dataset.reader import Dataset
     from recipe_runtime.transfer.layouts import Layout
 
 _MAX_SHARD = 1 << 50  # bytes
+_COPIES = {"armory": 4}  # of a picture in an export: one for each layout
+_FILE_BYTES = 4096  # of headers and text in an export, for each file of the dataset
 _MAX_NAMES = 20  # of sensors in a warning
 
 
@@ -82,31 +86,60 @@ def command(
             code=Code.OUT_OF_RANGE,
         )
     found = read(dataset)
-    check_bytes(found, copies=True, allow_large=allow_large)
-    if form != "webdataset":
-        _export_layout(found, folder, cast("Layout", form), patch, replace=replace, as_json=as_json)
-        return
-    with Progress(quiet=as_json) as progress:
-        index = shards.webdataset(found, folder, progress, shard_bytes, replace=replace)
+    with _bounded(found, _COPIES.get(form, 1), allow_large=allow_large) as written:
+        if form != "webdataset":
+            chosen = cast("Layout", form)
+            _export_layout(found, folder, chosen, patch, replace=replace, as_json=as_json, written=written)
+            return
+        with Progress(quiet=as_json) as progress:
+            index = shards.webdataset(found, folder, progress, shard_bytes, replace=replace, written=written)
     if as_json:
         print_json(index)
         return
-    written = index["shards"]
-    total = sum(shard["size"] for shard in written)
-    samples = sum(shard["samples"] for shard in written)
-    say(f"{folder}: {count(samples, 'sample')} in {count(len(written), 'shard')}, {size(total)}")
+    rows = index["shards"]
+    total = sum(shard["size"] for shard in rows)
+    samples = sum(shard["samples"] for shard in rows)
+    say(f"{folder}: {count(samples, 'sample')} in {count(len(rows), 'shard')}, {size(total)}")
     say(index["dataset"])
 
 
+@contextmanager
+def _bounded(dataset: Dataset, copies: int, *, allow_large: bool) -> Iterator[Callable[[int], None]]:
+    """Yield a function that adds up the bytes that an export writes, and stop an export far over its estimate.
+
+    The dataset is untrusted: few bytes may hold large pictures, or sensors whose frames are far apart.
+
+    Args:
+        dataset: the dataset.
+        copies: how many times the export writes a picture, at most.
+        allow_large: bound nothing.
+    """
+    from recipe_runtime.transfer.export_folder import ignore_bytes
+
+    total = check_bytes(dataset, copies=copies, allow_large=allow_large)
+    remedy = "give --allow-large if that is expected"
+    cost = dataset_cost(dataset.plan, f"{dataset.name}: to render its plan", remedy, allow_large=allow_large)
+    written = disk_bound("the export", total + _FILE_BYTES * len(dataset.files), allow_large=allow_large)
+    with within_estimate("the export", cost, workers=1, allow_large=allow_large):
+        yield written or ignore_bytes
+
+
 def _export_layout(
-    dataset: Dataset, folder: Path, form: Layout, patch: str | None, *, replace: bool, as_json: bool
+    dataset: Dataset,
+    folder: Path,
+    form: Layout,
+    patch: str | None,
+    *,
+    replace: bool,
+    as_json: bool,
+    written: Callable[[int], None],
 ) -> None:
     """Export to the layout of a benchmark, and report."""
     from recipe_compiler.limits import size
     from recipe_runtime.transfer import layouts
 
     with Progress(quiet=as_json) as progress:
-        made = layouts.export_layout(dataset, folder, form, progress, patch=patch, replace=replace)
+        made = layouts.export_layout(dataset, folder, form, progress, patch=patch, replace=replace, written=written)
     if form == "kitti":
         _warn_of_distortion(dataset)
     total = sum(cast("int", row[0]) for row in made["files"].values())

@@ -29,7 +29,7 @@ from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, stat
 from recipe_cli.places import FOLDER, check_bytes, check_default_folder, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
-from recipe_cli.work_guard import within_estimate
+from recipe_cli.work_guard import dataset_cost, within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
@@ -235,18 +235,9 @@ def _integrity(target: Path | str, options: Options) -> Report:
 
 
 def _checked_cost(plan: DatasetPlan, name: str, allow_large: bool) -> Cost:
-    """Return the most that a dataset's plan may cost; InputError if it exceeds the limits: the folder is untrusted."""
-    from recipe_compiler.ir.errors import Code, InputError
-    from recipe_compiler.lowering.workload import plan_cost
-
-    reasons = [] if allow_large else plan_cost(plan).over()
-    if reasons:
-        raise InputError(
-            f"{name}: to render its plan, {', and '.join(reasons)}",
-            help="pass --allow-large if that is meant, or hash the files alone (--integrity)",
-            code=Code.SIZE_LIMIT,
-        )
-    return plan_cost(plan, largest_files=True)
+    """Return the most that a dataset's plan may cost; InputError if it exceeds the limits."""
+    remedy = "pass --allow-large if that is meant, or hash the files alone (--integrity)"
+    return dataset_cost(plan, f"{name}: to render its plan", remedy, allow_large=allow_large)
 
 
 def _within_estimate(cost: Cost, options: Options) -> AbstractContextManager[None]:

@@ -24,6 +24,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file
 from recipe_runtime.dataset.manifest import stays_inside
+from recipe_runtime.dataset.manifest_reader import MAX_PARTS
 from recipe_runtime.dataset.reader import Dataset
 
 MAX_BYTES = 256 << 20
@@ -50,6 +51,8 @@ class RecipeFiles:
         for path in self.files:
             if not stays_inside(path):
                 raise InputError(f"{path!r} cannot be a file of a dataset; rename it with plain, printable characters")
+            if path.count("/") + 2 > MAX_PARTS:
+                raise InputError(f"{path!r} is in more than {MAX_PARTS - 2} folders; use fewer")
         size = sum(map(len, self.files.values()))
         if size > MAX_BYTES:
             raise InputError(f"the recipe's files have {size:,} bytes, over {MAX_BYTES:,}; use smaller ones")

@@ -33,6 +33,7 @@ from recipe_runtime.dataset.manifest import FORMAT, stays_inside
 from recipe_runtime.dataset.manifest_types import FileRecord, FrameDigests, Manifest, VariantRecord
 
 MAX_BYTES = 1 << 28
+MAX_PARTS = 32  # folders of a path, and its name; each is looked up for each file
 _MAX_PATH, _MAX_PART = 2_000, 255  # bytes of a path, and of one component
 _MAX_SIZE = 1 << 40  # bytes of a file
 _DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -142,8 +143,11 @@ def _files(stream: JsonStream, most: int) -> dict[str, FileRecord]:
     for path in stream.members():
         if not stays_inside(path):
             raise ValueError(f"{path[:200]!r} is not a path within a dataset")
-        if len(path.encode()) > _MAX_PATH or any(len(part.encode()) > _MAX_PART for part in path.split("/")):
+        parts = path.split("/")
+        if len(path.encode()) > _MAX_PATH or any(len(part.encode()) > _MAX_PART for part in parts):
             raise ValueError(f"{path[:40]}... is too long")
+        if len(parts) > MAX_PARTS:
+            raise ValueError(f"{path[:40]}... is in {len(parts) - 1:,} folders, and at most {MAX_PARTS - 1} are read")
         row = stream.value()
         if not isinstance(row, dict) or set(row) != {"size", "sha256"}:
             raise ValueError(f"{path} has no size and digest, or more")

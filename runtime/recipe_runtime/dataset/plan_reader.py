@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
@@ -26,8 +26,11 @@ T = TypeVar("T")
 MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan
 _MAX_VALUES = 2_600_000  # of one plan: 300,000 poses and a town
+_OBJECTS = "objects of scenes, rigs and appearances"  # of JSON, which may omit each field that has a default
 _MAX_NUMBERS = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
-         "colours of bodies": 40 * MAX_BODIES}  # fmt: skip
+         "colours of bodies": 40 * MAX_BODIES, _OBJECTS: 1_000_000}  # fmt: skip
+_WITH_OBJECTS = ("scene ", "rig ", "appearance ")  # parts whose objects are counted
+_REMEDY = "split the recipe into several"
 _FRAMING = 200  # bytes of a plan, at most, between its parts
 _SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
 
@@ -47,23 +50,29 @@ def check_readable(dataset: DatasetPlan) -> None:
         "elements of towns": sum(len(town.elements) for town in towns),
         "colours of bodies": sum(len(look.root) for look in looks),
     }
-    remedy = "split the recipe into several"
     for what, number in numbers.items():
-        if number > _MAX_NUMBERS[what]:
-            raise InputError(f"the plans have {number:,} {what}, over {_MAX_NUMBERS[what]:,}", help=remedy)
-    sizes, total = dict[str, int](), 0
+        _check_number(what, number)
+    sizes, total, objects = dict[str, int](), 0, 0
     for variant in dataset.variants:
         size = _FRAMING + len(variant.variant.encode())
         for key, make in _parts(variant):
             if key not in sizes:
-                sizes[key] = len(pretty(make()).encode())
+                text = pretty(make())
+                sizes[key] = len(text.encode())
+                objects += text.count("{") - 1 if key.startswith(_WITH_OBJECTS) else 0
+                _check_number(_OBJECTS, objects)
             size += sizes[key]
         total += size
         if size > MAX_PLAN_BYTES:
-            raise InputError(f"the plan of {variant.variant} has over {MAX_PLAN_BYTES:,} bytes", help=remedy)
+            raise InputError(f"the plan of {variant.variant} has over {MAX_PLAN_BYTES:,} bytes", help=_REMEDY)
         if total > MAX_BYTES:
             each = f"that of {variant.variant} has {size:,}"
-            raise InputError(f"the plans have over {MAX_BYTES:,} bytes together; {each}", help=remedy)
+            raise InputError(f"the plans have over {MAX_BYTES:,} bytes together; {each}", help=_REMEDY)
+
+
+def _check_number(what: str, number: int) -> None:
+    if number > _MAX_NUMBERS[what]:
+        raise InputError(f"the plans have {number:,} {what}, over {_MAX_NUMBERS[what]:,}", help=_REMEDY)
 
 
 def _parts(variant: ScenarioPlan) -> Iterator[tuple[str, Callable[[], JsonValue]]]:
@@ -110,6 +119,7 @@ class PlanReader:
     def _scene(self, raw: dict[str, object]) -> ScenePlan:
         actors = [actor for actor in _list(raw.get("actors")) if isinstance(actor, dict)]
         self._count("points of routes", sum(len(_list(actor.get("route"))) for actor in actors))
+        self._count(_OBJECTS, _objects(raw, "town"))
         return ScenePlan.model_validate(
             {**raw, "town": self._once("town", _object(raw.get("town"), "town"), self._town)}
         )
@@ -121,9 +131,11 @@ class PlanReader:
     def _rig(self, raw: dict[str, object]) -> RigPlan:
         sensors = [sensor for sensor in _list(raw.get("sensors")) if isinstance(sensor, dict)]
         self._count("poses of sensors", sum(len(_list(sensor.get("poses"))) for sensor in sensors))
+        self._count(_OBJECTS, _objects(raw))
         return RigPlan.model_validate(raw)
 
     def _appearance(self, raw: dict[str, object]) -> AppearancePlan:
+        self._count(_OBJECTS, _objects(raw, "looks"))
         return AppearancePlan.model_validate(
             {**raw, "looks": self._once("looks", _object(raw.get("looks"), "looks"), self._looks)}
         )
@@ -158,6 +170,11 @@ class PlanReader:
         self._numbers[what] += number
         if self._numbers[what] > _MAX_NUMBERS[what]:
             raise ValueError(f"{self._numbers[what]:,} {what} are over {_MAX_NUMBERS[what]:,}")
+
+
+def _objects(raw: Mapping[str, object], without: str = "") -> int:
+    """Return the number of JSON objects in a part of a plan, except in one of its members."""
+    return json.dumps({key: value for key, value in raw.items() if key != without}).count("{")
 
 
 def _object(value: object, what: str) -> dict[str, object]:

@@ -17,6 +17,7 @@ from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.build.recipe_files import RecipeFiles, asset_places
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.dataset.manifest_reader import MAX_PARTS
 from recipe_runtime.dataset.reader import damaged_files
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.recipe_comparison import recipe_differences
@@ -254,6 +255,13 @@ def test_a_lockfile_of_another_dataset_is_not_included(tmp_path: Path) -> None:
 def test_a_path_outside_the_folder_is_refused(path: str) -> None:
     with pytest.raises(InputError, match="cannot be a file of a dataset"):
         RecipeFiles("tiny.yaml", {"tiny.yaml": b"", path: b""})
+
+
+def test_a_path_that_no_reader_accepts_is_refused() -> None:
+    deep = "/".join("a" * MAX_PARTS)
+    RecipeFiles("tiny.yaml", {"tiny.yaml": b"", deep[2:]: b""})
+    with pytest.raises(InputError, match="is in more than 30 folders"):
+        RecipeFiles("tiny.yaml", {"tiny.yaml": b"", deep: b""})
 
 
 def test_too_many_bytes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
