@@ -186,7 +186,7 @@ def _build(
         manifest["identity"],
         manifest,
         built=True,
-        repaired=damage,
+        repaired=(*damage, *(files.left_out(manifest) if files else ())),
         resumed=counts.resumed,
         shards=counts.shards,
         resumed_frames=counts.resumed_frames,
@@ -265,7 +265,7 @@ class _Stages:
         if self.examined:
             self.examined.check(finisher.identity, work)
         if recipe_files:
-            recipe_files.check_lock_kept(out, finisher.identity)
+            finisher.sources = recipe_files.for_identity(finisher.identity, out, self.dataset, self._trace)
         files = finisher.finish(self._trace)
         manifest = read_manifest(work.dataset)  # afterwards, another program may move the dataset away
         work.publish(files)

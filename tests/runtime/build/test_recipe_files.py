@@ -271,6 +271,20 @@ def test_a_repair_does_not_keep_a_changed_lockfile(copied: Path, tmp_path: Path,
 
 
 @pytest.mark.slow
+def test_a_lockfile_with_other_motion_is_left_out(copied: Path, tmp_path: Path) -> None:
+    """Regression: no identity covers rows of bodies, and `verify` failed for the dataset that was built here."""
+    locked = lockfile.read(copied / "recipe/lockfiles/assets.lock")
+    scene = next(iter(locked.variants.values())).scene
+    forged = {**locked.bodies, (scene, "walker"): lockfile.BodyMotion("0" * 64, 1, ())}
+    path = changed_lock(copied, listed=True, bodies=forged)
+    next(copied.rglob("*.png")).unlink()
+    sources = RecipeFiles("recipe.yaml", FILES)
+    made = build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources)
+    assert "contradicts the motion" in made.repaired[0]
+    assert not path.exists()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("own", [False, True])
 def test_the_lockfile_of_another_identity_is_not_lost(copied: Path, tmp_path: Path, own: bool) -> None:
     """It may be the only copy, of the dataset as another host made it."""
