@@ -85,7 +85,7 @@ class Inputs:
     lock: tuple[Path, Lockfile] | None
     files: RecipeFiles | None  # None: the recipe has more variants than the dataset
     target: Target | None
-    used: list[Path]  # the recipe and its files
+    used: list[Path]  # the recipe, its files and its lockfile
 
 
 def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
@@ -190,7 +190,7 @@ def _inputs(request: Request) -> Inputs:
     folder = folder or check_default_folder(Path("datasets")) / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
-    used = used_files(recipe, compiled)
+    used = [*used_files(recipe, compiled), *([lock[0]] if lock else [])]
     from recipe_runtime.build.provenance import check_apart
     from recipe_runtime.build.recipe_files import RecipeFiles
 

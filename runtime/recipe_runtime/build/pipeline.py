@@ -114,13 +114,14 @@ def build(
         source: the recipe's file; with it, two recipes of one name are distinguished (`provenance`).
         replace: whether the dataset of another recipe may be replaced.
         recipe_files: files to put into the dataset's `recipe/` folder.
-        used: the paths of the recipe's files.
+        used: the paths of the recipe's files and of its lockfile.
         written: called with the bytes of the dataset's files as they are written or resumed; what it raises ends the
             build.
 
     Raises:
         InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe;
-            or `source` or a file of `used` is in the dataset to be replaced; or the cache is in `out`.
+            or `source` or a file of `used` is in the dataset to be replaced, or a lockfile that would be lost; or the
+            cache is in `out`.
         RunError: the host failed. Finished shards are kept, and the next build continues.
     """
     places = devices(device) if run is local.run else (device,)  # nodes of a cluster may have other devices
@@ -164,15 +165,18 @@ def _build(
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out, [store.root, *pruned])
     provenance.check_outside(out, manifest, dataset, source, files, sources.used)
+    files = files and files.with_lock_of(out, manifest, dataset, sources.used)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
+    elif files:
+        files = replace(files, must_keep_lock=False)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
     trusted = not damage or earlier(store, out) is not None
     with (
         pruning.leased(store.root),
         _workspace(dataset, out, journal_key(store.root), replace_other, stages.written) as work,
     ):
-        counts, manifest = stages.run_all(work, out, files and files.with_lock_of(out, dataset))
+        counts, manifest = stages.run_all(work, out, files)
     if trusted:
         remember(store, out, dataset)
     pruning.auto_prune(pruned, cache_limit)
@@ -182,7 +186,7 @@ def _build(
         manifest["identity"],
         manifest,
         built=True,
-        repaired=damage,
+        repaired=(*damage, *(files.left_out(manifest) if files else ())),
         resumed=counts.resumed,
         shards=counts.shards,
         resumed_frames=counts.resumed_frames,
@@ -260,6 +264,8 @@ class _Stages:
         finisher = Finisher(self.dataset, assembly, work, self.progress, self.timings, recipe_files)
         if self.examined:
             self.examined.check(finisher.identity, work)
+        if recipe_files:
+            finisher.sources = recipe_files.for_identity(finisher.identity, out, self.dataset, self._trace)
         files = finisher.finish(self._trace)
         manifest = read_manifest(work.dataset)  # afterwards, another program may move the dataset away
         work.publish(files)

@@ -9,6 +9,7 @@ dataset.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -26,7 +27,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
-from recipe_runtime.transfer.upload_journal import Rows, UploadJournal
+from recipe_runtime.transfer.upload_journal import UNKNOWN, Rows, UploadJournal
 
 MARKER = ".recipe-upload.json"
 SCHEMES = (
@@ -126,6 +127,7 @@ class Target:
         if not replace:
             self._check_lockfile(manifest, rows)
         if self.existing == manifest and self._is_complete(rows, sizes):
+            self._remove_empty_folders()
             return Copied(0, 0, len(rows))
         journal = UploadJournal(root, self._full)
         with self._reported():
@@ -135,13 +137,15 @@ class Target:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
         missing = [path for path, row in rows.items() if known.get(path) != row or sizes.get(path) != row[0]]
         with self._reported():
-            token = journal.begin({path: row for path, row in known.items() if sizes.get(path) == row[0]})
+            there = {p: row if sizes[p] == row[0] else UNKNOWN for p, row in known.items() if p in sizes}
+            token = journal.begin(there | dict.fromkeys(missing, UNKNOWN))
             self._write(MARKER, canonical_bytes({"dataset": manifest["identity"], "copy": token}))
             if self.existing is not None:
                 self._fs.rm_file(self._at(layout.MANIFEST))
             copied = self._send(root, rows, missing, journal, progress)
             for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, MARKER}):
-                self._remove(path)
+                self._fs.rm_file(self._at(path))
+            self._remove_empty_folders()
             if self._marker_token() != token:
                 raise RunError(
                     f"{self.url}: another upload to this place ran at the same time; upload again when it has ended"
@@ -223,9 +227,9 @@ class Target:
             self._fs.rm_file(self._at(path))
 
     def _check_lockfile(self, manifest: Manifest, rows: Rows) -> None:
-        """Raise InputError if the place has the lockfile of this dataset, which the dataset lacks: the only copy."""
+        """Raise InputError if the place has a lockfile of this plan, which the dataset lacks: the only copy."""
         path, there = layout.recipe_lockfile(manifest["recipe"]), self.existing
-        equal = there is not None and there["identity"] == manifest["identity"]
+        equal = there is not None and there["plan"] == manifest["plan"]
         if there is not None and equal and path in listed_files(there) and path not in rows:
             raise InputError(
                 f"{self.url} has a lockfile, {path}, which {self._root} lacks, and which would be removed",
@@ -233,13 +237,12 @@ class Target:
                 code=Code.OUTPUT_IN_THE_WAY,
             )
 
-    def _remove(self, path: str) -> None:
-        """Remove a file and, on a local disk, the folders that become empty: `verify` reports those."""
-        self._fs.rm_file(self._at(path))
-        if "file" in self._fs.protocol:
-            with suppress(OSError):
-                for folder in list(PurePosixPath(path).parents)[:-1]:
-                    (Path(self._prefix) / folder).rmdir()
+    def _remove_empty_folders(self) -> None:
+        """Remove folders without a file on a local disk, which `verify` reports; interrupted uploads leave them."""
+        for folder, _, _ in os.walk(self.folder, topdown=False) if self.folder else ():
+            if Path(folder) != self.folder:
+                with suppress(OSError):  # it is not empty
+                    Path(folder).rmdir()
 
     def _is_file(self, path: str) -> bool:
         """Return whether a path can be read; on a local disk pipes and links cannot."""

@@ -17,7 +17,10 @@ from recipe_runtime.dataset.limits import MAX_FILES
 
 Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
 
+UNKNOWN = (-1, "")  # the row of a file that is about to be sent: its content there is unknown until it is recorded
+
 _MAX_LINE = 8192  # bytes
+_MAX_LINES = 3 * MAX_FILES  # files that are there, those to be sent, and those that were
 _REMEDY = "free some space or allow writing"
 
 
@@ -37,7 +40,7 @@ class UploadJournal:
         with suppress(OSError, ValueError), open_regular(self._path, follow_links=False) as file:
             if token is None or file.readline(_MAX_LINE) != f"{token}\n".encode():
                 return {}
-            for line in islice(iter(lambda: file.readline(_MAX_LINE), b""), MAX_FILES):
+            for line in islice(iter(lambda: file.readline(_MAX_LINE), b""), _MAX_LINES):
                 with suppress(ValueError, TypeError, OverflowError, RecursionError):
                     path, size, sha256 = json.loads(line)
                     found[str(path)] = int(size), str(sha256)
@@ -47,7 +50,7 @@ class UploadJournal:
         """Start the record of a new upload and return its token.
 
         Args:
-            rows: files that exist at the URL already.
+            rows: files that exist at the URL already, and those to be sent (`UNKNOWN`).
         """
         token = f"{fresh_nonce():x}"
         with host_errors(str(self._path), _REMEDY):

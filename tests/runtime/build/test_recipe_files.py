@@ -243,6 +243,77 @@ def test_the_lockfile_in_a_dataset_is_kept_when_files_are_built_again(
     assert tree(copied) == before
 
 
+def changed_lock(copied: Path, listed: bool, **values: Any) -> Path:
+    """Change the lockfile in a dataset and seal it; if `listed`, its row in the manifest is that of the new content."""
+    path = copied / "recipe/lockfiles/assets.lock"
+    path.write_text(replace(lockfile.read(path), **values).dumps())
+    if listed:
+        manifest, body = json.loads((copied / "manifest.json").read_text()), path.read_bytes()
+        manifest["files"]["recipe/lockfiles/assets.lock"] = {
+            "size": len(body),
+            "sha256": hashlib.sha256(body).hexdigest(),
+        }
+        (copied / "manifest.json").write_text(json.dumps(manifest))
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("own", [False, True])
+def test_a_repair_does_not_keep_a_changed_lockfile(copied: Path, tmp_path: Path, own: bool) -> None:
+    """Regression: it was listed in the new manifest, also where the recipe is the one in the dataset."""
+    path = changed_lock(copied, listed=False, tools={"numpy": "0"})
+    sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(path) if own else None)
+    cache, used = tmp_path / "cache", [path] if own else []
+    made = build(
+        COMPILED.plan, copied, workers=0, cache=cache, engines=ENGINES, recipe_files=sources, repair=True, used=used
+    )
+    assert len(made.repaired) == 1
+    assert not path.exists()
+
+
+@pytest.mark.slow
+def test_a_lockfile_with_other_motion_is_left_out(copied: Path, tmp_path: Path) -> None:
+    """Regression: no identity covers rows of bodies, and `verify` failed for the dataset that was built here."""
+    locked = lockfile.read(copied / "recipe/lockfiles/assets.lock")
+    scene = next(iter(locked.variants.values())).scene
+    forged = {**locked.bodies, (scene, "walker"): lockfile.BodyMotion("0" * 64, 1, ())}
+    path = changed_lock(copied, listed=True, bodies=forged)
+    next(copied.rglob("*.png")).unlink()
+    sources = RecipeFiles("recipe.yaml", FILES)
+    made = build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources)
+    assert "contradicts the motion" in made.repaired[0]
+    assert not path.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("own", [False, True])
+def test_the_lockfile_of_another_identity_is_not_lost(copied: Path, tmp_path: Path, own: bool) -> None:
+    """It may be the only copy, of the dataset as another host made it."""
+    frames = lockfile.read(copied / "recipe/lockfiles/assets.lock").frames
+    path = changed_lock(copied, listed=True, frames=dict.fromkeys(frames, "0" * 64))
+    sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(path) if own else None)
+    next(copied.rglob("*.png")).unlink()
+    before = tree(copied)
+
+    def again(replaced: bool) -> None:
+        build(
+            COMPILED.plan,
+            copied,
+            workers=0,
+            cache=tmp_path / "cache",
+            engines=ENGINES,
+            recipe_files=sources,
+            used=[path] if own else [],
+            replace=replaced,
+        )
+
+    with pytest.raises(InputError, match="the lockfile would be removed"):
+        again(False)
+    assert tree(copied) == before
+    again(True)
+    assert not path.exists()
+
+
 def test_a_lockfile_of_another_dataset_is_not_included(tmp_path: Path) -> None:
     plan = dataset_plan(frames=2, weathers=1)
     other = replace(lock(plan, "x.yaml", {}, workers=0, progress=quiet, engines=ENGINES), plan="0" * 64)

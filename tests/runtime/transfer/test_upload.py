@@ -81,7 +81,10 @@ def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path
         assert all(any(folder.iterdir()) for folder in Path(url[7:]).rglob("*") if folder.is_dir())
 
 
-def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(url: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("same", [True, False])
+def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(
+    url: str, same: bool, tmp_path: Path
+) -> None:
     """It may be the only copy: the recipe that the dataset was built from has none."""
     plan = dataset_plan(frames=2, weathers=1)
     locked = lock(plan, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
@@ -97,6 +100,9 @@ def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(url:
         for name, row in (("with", locked), ("without", None))
     }
     put(url, made["with"])
+    if not same:  # another host drew a pixel otherwise
+        manifest = json.loads((made["without"] / "manifest.json").read_text())
+        (made["without"] / "manifest.json").write_text(json.dumps(manifest | {"identity": "other"}))
     before = remote_files(url)
     assert layout.recipe_lockfile(plan.recipe) in before
     with pytest.raises(InputError, match="has a lockfile"):
@@ -104,6 +110,49 @@ def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(url:
     assert remote_files(url) == before
     Target(url, made["without"]).put(lambda *_: None, replace=True)
     assert remote_files(url) == local(made["without"])
+
+
+def with_files(root: Path, files: dict[str, bytes]) -> dict[str, bytes]:
+    """Write files into a dataset, with their manifest rows; return all of its files."""
+    manifest = json.loads((root / "manifest.json").read_text())
+    for path, body in files.items():
+        (root / path).parent.mkdir(exist_ok=True)
+        (root / path).write_bytes(body)
+        manifest["files"][path] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
+    (root / "manifest.json").write_text(json.dumps(manifest))
+    return local(root)
+
+
+def test_files_of_an_interrupted_upload_are_not_taken_for_those_of_another_dataset(
+    url: str, built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: files that were sent and not recorded counted as those of the earlier dataset, or as foreign."""
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    root, card = tmp_path / "small", (built / "README.md").read_bytes()
+    put(url, shutil.copytree(built, root))
+    with_files(root, {"README.md": card[:-2] + b"X\n", "extra/new.txt": b"new"})
+    with monkeypatch.context() as patched:
+        patched.setattr(UploadJournal, "record", killed)
+        with pytest.raises(KeyboardInterrupt):
+            put(url, root)
+    assert remote_files(url) not in (local(built), local(root))
+    shutil.rmtree(root)
+    put(url, shutil.copytree(built, root))
+    assert remote_files(url) == local(built)
+
+
+def test_empty_folders_at_a_local_place_are_removed(built: Path, tmp_path: Path) -> None:
+    """Regression: `verify` reports them, and an interrupted upload leaves them."""
+    place, root = tmp_path / "place", shutil.copytree(built, tmp_path / "small")
+    put(f"file://{place}", root)
+    for _ in ("equal", "changed"):
+        (place / "left" / "behind").mkdir(parents=True)
+        put(f"file://{place}", root)
+        assert not (place / "left").exists()
+        with_files(root, {"extra.txt": b"new"})
 
 
 @pytest.mark.parametrize("place", ["{root}", "{link}", "{root}/copy", "{root}/mots/copy", "{above}"])
