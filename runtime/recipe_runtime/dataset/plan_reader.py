@@ -26,10 +26,10 @@ T = TypeVar("T")
 MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan
 _MAX_VALUES = 2_600_000  # of one plan: 300,000 poses and a town
-_OBJECTS = "objects of scenes, rigs and appearances"  # of JSON, which may omit each field that has a default
+_OBJECTS = "objects of towns, scenes, rigs and appearances"  # of JSON, which may omit each field that has a default
 _MAX_NUMBERS = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
          "colours of bodies": 40 * MAX_BODIES, _OBJECTS: 1_000_000}  # fmt: skip
-_WITH_OBJECTS = ("scene ", "rig ", "appearance ")  # parts whose objects are counted
+_WITH_OBJECTS = {"town": 2, "scene": 1, "rig": 1, "appearance": 1}  # counted parts: objects around each in `_parts`
 _REMEDY = "split the recipe into several"
 _FRAMING = 200  # bytes of a plan, at most, between its parts
 _SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
@@ -59,7 +59,8 @@ def check_readable(dataset: DatasetPlan) -> None:
             if key not in sizes:
                 text = pretty(make())
                 sizes[key] = len(text.encode())
-                objects += text.count("{") - 1 if key.startswith(_WITH_OBJECTS) else 0
+                around = _WITH_OBJECTS.get(key.partition(" ")[0])
+                objects += text.count("{") - around if around is not None else 0
                 _check_number(_OBJECTS, objects)
             size += sizes[key]
         total += size
@@ -126,6 +127,7 @@ class PlanReader:
 
     def _town(self, raw: dict[str, object]) -> TownPlan:
         self._count("elements of towns", len(_list(raw.get("elements"))))
+        self._count(_OBJECTS, _objects(raw))
         return TownPlan.model_validate(raw)
 
     def _rig(self, raw: dict[str, object]) -> RigPlan:

@@ -84,5 +84,5 @@ def test_fields_with_defaults_do_not_hide_objects(monkeypatch: pytest.MonkeyPatc
     PlanReader().read(body)
     monkeypatch.setitem(plan_reader._MAX_NUMBERS, plan_reader._OBJECTS, 900)
     PlanReader().read(BODIES[0])
-    with pytest.raises(ValueError, match=r"objects of scenes, rigs and appearances are over 900"):
+    with pytest.raises(ValueError, match=r"objects of towns, scenes, rigs and appearances are over 900"):
         PlanReader().read(body)
