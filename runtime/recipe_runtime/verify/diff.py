@@ -65,6 +65,8 @@ def differences(a: Side, b: Side) -> list[Difference]:
         found += _rows_of_one_side(a, b)
         if not found and a.lock.identity != b.lock.identity:
             found.append(Difference("lockfile", f"the identities differ: {a.lock.identity} and {b.lock.identity}"))
+    elif not found and a.lock.plan != b.lock.plan:
+        found.append(Difference("plan", f"the plans have different digests: {a.lock.plan} and {b.lock.plan}"))
     return found + _listed(a, b, only_count=bool(found))
 
 

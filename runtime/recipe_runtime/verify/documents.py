@@ -9,7 +9,10 @@ from recipe_compiler.ir.plurals import count
 
 
 def walk(ours: object, theirs: object, path: str) -> Iterator[str]:
-    """Yield the fields in which two documents differ, with both values; named items of lists are matched by name."""
+    """Yield the fields in which two documents differ, with both values.
+
+    Named items of lists are matched by name; another order of them is a difference, too.
+    """
     if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
         for key in [*ours, *(key for key in theirs if key not in ours)]:
             yield from _pair(ours, theirs, key, f"{path}.{key}")
@@ -21,6 +24,8 @@ def walk(ours: object, theirs: object, path: str) -> Iterator[str]:
         if (len(first), len(second)) == (len(ours), len(theirs)):
             for key in [*first, *(key for key in second if key not in first)]:
                 yield from _pair(first, second, key, f"{path}[{key}]")
+            if [key for key in first if key in second] != [key for key in second if key in first]:
+                yield f"{path}: the entries are in another order"
         elif len(ours) != len(theirs):
             yield f"{path} has {count(len(ours), 'entry', 'entries')} and {len(theirs):,}"
         else:

@@ -56,6 +56,31 @@ def test_a_difference_shared_by_variants_is_reported_once(ours: Side) -> None:
     )
 
 
+def test_another_order_of_named_items_is_a_difference(ours: Side) -> None:
+    """A later patch covers an earlier one, so the order of named items changes pixels; none was reported."""
+    assert ours.plan is not None
+    document = ours.plan.model_dump(mode="json")
+    for variant in document["variants"]:
+        variant["rig"]["sensors"].reverse()
+    plan = DatasetPlan.model_validate_json(json.dumps(document))
+    (found,) = differences(Side("ours", bare(ours.plan, "", {}), ours.plan), Side("theirs", bare(plan, "", {}), plan))
+    assert found.message.endswith("rig.sensors: the entries are in another order")
+    assert list(walk({"a": [{"name": "x"}, {"name": "y"}]}, {"a": [{"name": "y"}, {"name": "z"}]}, "")) == [
+        ".a[x] is in the first only",
+        ".a[z] is in the second only",
+    ]
+
+
+def test_plans_of_different_digests_always_differ(ours: Side, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert ours.plan is not None
+    monkeypatch.setattr("recipe_runtime.verify.diff.walk", lambda *_: iter(()))
+    document = ours.plan.model_dump(mode="json")
+    document["variants"][0]["scene"]["actors"][0]["speed"] += 1.0
+    plan = DatasetPlan.model_validate_json(json.dumps(document))
+    (found,) = differences(Side("ours", bare(ours.plan, "", {}), ours.plan), Side("theirs", bare(plan, "", {}), plan))
+    assert found.message.startswith("the plans have different digests")
+
+
 def test_what_variants_share_is_compared_once(ours: Side, monkeypatch: pytest.MonkeyPatch) -> None:
     """The elements and colours of a town, which a thousand weathers share, took 0.15 s for each of them."""
     assert ours.plan is not None
