@@ -149,6 +149,23 @@ def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
     return found
 
 
+def check_utf8(recipe: Path) -> None:
+    """Check that the path of a recipe can be recorded.
+
+    Raises:
+        InputError: it has bytes that are not UTF-8.
+    """
+    from recipe_compiler.ir.errors import InputError
+
+    for path in (str(recipe), os.path.realpath(recipe)):
+        try:
+            path.encode()
+        except UnicodeEncodeError:
+            raise InputError(
+                f"{path!r}: the path of a recipe is recorded in UTF-8", help="rename the file or its folder"
+            ) from None
+
+
 def used_files(recipe: Path, compiled: Compiled) -> list[Path]:
     """Return the paths of the recipe and of every file that it uses."""
     return [recipe, *(recipe.parent / path for path in compiled.files)]

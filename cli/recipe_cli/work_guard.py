@@ -130,7 +130,8 @@ class _Guard:
 
     def _watch(self) -> None:
         while not self._ended.wait(_PAUSE):
-            self.excess = self._found()
+            with suppress(MemoryError):  # the bound of a document that is being read (`bounded_memory`)
+                self.excess = self._found()
             if self.excess is not None:
                 break
         while self.excess is not None and not self._ended.is_set():

@@ -586,3 +586,13 @@ def test_an_integrity_check_prints_no_nonce(recipe: Run) -> None:
     write("a.yaml", RECIPE)
     assert recipe("build", "a.yaml").exit_code == 0
     assert "nonce" not in recipe("verify", "datasets/small", "--integrity").stdout
+
+
+@pytest.mark.parametrize("place", ["odd\udcff.yaml", "odd\udcff/a.yaml"])
+def test_a_recipe_whose_path_is_not_utf_8_is_refused_before_the_work(recipe: Run, place: str) -> None:
+    """Lockfiles, packs and records of datasets contain the path; they were not written, after all the work."""
+    write(place, RECIPE)
+    for command in (["build", place, "-o", "X"], ["lock", place], ["pack", place, "-o", "x.recipe"]):
+        with pytest.raises(InputError, match=r"udcff\S*: the path of a recipe is recorded in UTF-8.*rename the file"):
+            recipe(*command)
+    assert not any(Path(name).exists() for name in ("X", "x.recipe", "lockfiles"))

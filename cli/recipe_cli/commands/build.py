@@ -32,6 +32,7 @@ from recipe_cli.build_report import Outcome
 from recipe_cli.console import fail, print_json, say, warn
 from recipe_cli.places import (
     check_default_folder,
+    check_utf8,
     free_disk,
     lockfile_path,
     read_lockfile,
@@ -174,6 +175,7 @@ def _inputs(request: Request) -> Inputs:
     from recipe_compiler.ir.errors import InputError
 
     recipe, output = request.recipe, request.output
+    check_utf8(request.source)
     if request.ray and request.device not in ("cpu", "cuda"):
         raise InputError(f"--device {request.device}: on a cluster, every worker has a GPU of its own; write cuda")
     folder = Path(output) if output and "://" not in output else None

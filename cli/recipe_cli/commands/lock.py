@@ -22,7 +22,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import fail, print_json, say
-from recipe_cli.places import check_lockfile_is_of, lockfile_path, source_of, used_files
+from recipe_cli.places import check_lockfile_is_of, check_utf8, lockfile_path, source_of, used_files
 from recipe_cli.progress import Progress
 from recipe_cli.work_guard import within_estimate
 
@@ -234,10 +234,7 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
     from recipe_runtime.dataset.manifest_reader import check_outside_datasets
     from recipe_runtime.verify import trace_bundle
 
-    try:
-        str(recipe).encode()
-    except UnicodeEncodeError:
-        raise InputError(f"{str(recipe)!r}: a lockfile names its recipe in UTF-8; rename the file") from None
+    check_utf8(recipe)
     dangling = path.is_symlink() and not path.exists() and not options.replace
     if dangling or path.parent.is_symlink():
         raise InputError(

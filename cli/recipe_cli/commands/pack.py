@@ -10,7 +10,14 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, output_option, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_files, used_files
+from recipe_cli.places import (
+    FOLDER,
+    check_lockfile_is_of,
+    check_utf8,
+    lockfile_path,
+    recipe_files,
+    used_files,
+)
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -38,6 +45,7 @@ def command(
     from recipe_runtime.core.outputs import check_not_input, check_output, write_output
     from recipe_runtime.transfer import bundle
 
+    check_utf8(recipe)
     compiled = compile_quietly(recipe, allow_large=allow_large)
     output = output or Path(f"{compiled.plan.recipe}{bundle.SUFFIX}")
     if not bundle.is_pack(output):

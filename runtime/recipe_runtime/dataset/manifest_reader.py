@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from recipe_compiler.ir.bounded_reads import bounded_memory
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan_types import (
@@ -89,7 +90,8 @@ def read(root: Path) -> Manifest:
         size = os.fstat(file.fileno()).st_size
         if size > MAX_BYTES:
             raise ValueError(f"its {layout.MANIFEST} has {size:,} bytes, and at most {MAX_BYTES:,} are read")
-        return parse(file)
+        with bounded_memory(str(root / layout.MANIFEST)):
+            return parse(file)
 
 
 def parse(file: BinaryIO) -> Manifest:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from recipe_compiler.ir.bounded_reads import bounded_memory
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile, VariantRow
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, ScenePlan, SensorPlan
@@ -66,6 +67,11 @@ def read(root: Path, name: str = "") -> Dataset:
         InputError: the folder is not a dataset, or the manifest or a plan is damaged.
     """
     name = name or str(root)
+    with bounded_memory(name):
+        return _read(root, name)
+
+
+def _read(root: Path, name: str) -> Dataset:
     try:
         manifest = manifest_reader.read(root)
         files = listed_files(manifest)

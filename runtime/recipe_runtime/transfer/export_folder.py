@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from recipe_compiler.ir.bounded_reads import bounded_memory
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.core.files import (
@@ -146,7 +147,8 @@ def read_index(out: Path, name: str, dataset: Dataset, bytes_per_frame: int) -> 
     frames = sum(len(s.frames(v.scene.clock.frames)) for v in dataset.plan.variants for s in v.rig.sensors)
     try:
         body = read_inside(out, name, max(_MIN_INDEX_LIMIT, bytes_per_frame * frames)) if is_folder(out) else b""
-        return loads(body, 1000 + len(body) // _MIN_BYTES_PER_VALUE) if body else None
+        with bounded_memory(str(out / name)):
+            return loads(body, 1000 + len(body) // _MIN_BYTES_PER_VALUE) if body else None
     except (OSError, ValueError):
         return None
 
