@@ -312,9 +312,9 @@ def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_
         if len(line) >= MAX_LINE:
             raise invalid_line(name, number, f"the line is longer than {MAX_LINE:,} bytes", RESTORE)
         try:
-            parser.add(number, line.decode().rstrip("\r\n"))
+            parser.add(number, line.decode("ascii").rstrip("\r\n"))
         except UnicodeDecodeError:
-            raise invalid_line(name, number, "the line is not UTF-8 text", RESTORE) from None
+            raise invalid_line(name, number, "the line is not ASCII text", RESTORE) from None
     lock, again = Lockfile(**vars(parser.rows())), hashlib.sha256()
     for text in lock._lines():
         again.update(text.encode())

@@ -18,6 +18,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 
 FORMAT = 1
 MAX_LINE = 1 << 14  # bytes
+_MAX_NAME = 100  # characters of a name in rows that there are many of
 KEY_LENGTH = 16  # digits of a digest that serve as a key within one lockfile
 RESTORE = "restore the file from a copy, or write it again"
 _CELLS = {
@@ -202,7 +203,10 @@ class RowParser:
         """A cell without its percent escapes; equal cells give the same object."""
         found = self._interned.get(cell)
         if found is None:
-            found = self._interned[cell] = unquote(cell)
+            found = unquote(cell)
+            if len(found) > _MAX_NAME:
+                raise ValueError(f"the name {found[:20]!r}... has more than {_MAX_NAME} characters")
+            self._interned[cell] = found
         return found
 
 

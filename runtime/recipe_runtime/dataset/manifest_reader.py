@@ -6,6 +6,7 @@ too many, or the first unknown item, ends the reading with an error that names i
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from recipe_compiler.ir.plan_types import (
     Name,
     Sha256,
 )
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import open_inside, regular_file, resolved
@@ -36,6 +38,7 @@ from recipe_runtime.dataset.manifest_types import FileRecord, FrameDigests, Mani
 MAX_BYTES = 1 << 28
 MAX_PARTS = 32  # folders of a path, and its name; each is looked up for each file
 _MAX_PATH, _MAX_PART = 2_000, 255  # bytes of a path, and of one component
+_MAX_EMPTY = 50_000  # folders without a file of their own: a dataset has such only among those of its recipe
 _MAX_SIZE = 1 << 40  # bytes of a file
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _LIST = 1 << 23  # characters of the order of variants
@@ -142,6 +145,7 @@ def first_error(error: ValidationError) -> str:
 def _files(stream: JsonStream, most: int) -> dict[str, FileRecord]:
     """Return the size and SHA-256 of files, by path."""
     rows: dict[str, FileRecord] = {}
+    folders, before = 0, list[str]()
     for path in stream.members():
         if not stays_inside(path):
             raise ValueError(f"{path[:200]!r} is not a path within a dataset")
@@ -150,6 +154,9 @@ def _files(stream: JsonStream, most: int) -> dict[str, FileRecord]:
             raise ValueError(f"{path[:40]}... is too long")
         if len(parts) > MAX_PARTS:
             raise ValueError(f"{path[:40]}... is in {len(parts) - 1:,} folders, and at most {MAX_PARTS - 1} are read")
+        shared = itertools.takewhile(lambda pair: pair[0] == pair[1], zip(parts[:-1], before, strict=False))
+        folders += len(parts) - 1 - sum(1 for _ in shared)  # each folder once if paths are sorted, as builds write them
+        before = parts[:-1]
         row = stream.value()
         if not isinstance(row, dict) or set(row) != {"size", "sha256"}:
             raise ValueError(f"{path} has no size and digest, or more")
@@ -159,13 +166,15 @@ def _files(stream: JsonStream, most: int) -> dict[str, FileRecord]:
         if path in rows or len(rows) >= most:
             raise ValueError(f"{path} is given twice" if path in rows else f"it lists more than {most:,} files")
         rows[path] = {"size": row["size"], "sha256": row["sha256"]}
+        if folders > len(rows) + _MAX_EMPTY:
+            raise ValueError(f"it lists {folders:,} folders for {count(len(rows), 'file')}")
     return rows
 
 
 def _variants(stream: JsonStream) -> dict[str, VariantRecord]:
     """Return the digests of each variant and of its frames."""
     rows: dict[str, VariantRecord] = {}
-    left = [MAX_ROWS]
+    left, sensors = [MAX_ROWS], [MAX_ROWS]  # a sensor has two digests or more, and may have an interval
     for name in stream.members():
         if name in rows or len(rows) >= MAX_VARIANTS or len(name) > MAX_VARIANT_NAME:
             raise ValueError(f"the variant {name[:40]!r} is given twice, too long, or one too many")
@@ -173,9 +182,9 @@ def _variants(stream: JsonStream) -> dict[str, VariantRecord]:
         for key in stream.members():
             if key in row or key not in ("frames", "intervals", *_ROW):
                 raise ValueError(f"the variant {name!r} has {key[:40]!r} twice, or should have none")
-            row[key] = _frames(stream, left) if key == "frames" else stream.value()
+            row[key] = _frames(stream, left, sensors) if key == "frames" else stream.value()
             if key == "intervals":
-                _check_intervals(row[key], name)
+                _check_intervals(row[key], name, sensors)
             elif key not in ("frames", "folder"):
                 _check_digest(row[key], f"{key} of {name!r}")
         if set(row) - {"intervals"} != {"frames", *_ROW} or row["folder"] != layout.folder(name):
@@ -184,13 +193,14 @@ def _variants(stream: JsonStream) -> dict[str, VariantRecord]:
     return rows
 
 
-def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
-    """Return digests by sensor and modality; `left` holds the number of further digests allowed."""
+def _frames(stream: JsonStream, left: list[int], left_sensors: list[int]) -> FrameDigests:
+    """Return digests by sensor and modality; the lists hold the numbers of further digests and sensors allowed."""
     sensors: FrameDigests = {}
     for sensor in stream.members():
         modalities = sensors.setdefault(sensor, {})
         if modalities or len(sensor) > 100:
             raise ValueError(f"the sensor {sensor[:40]!r} is given twice, or too long")
+        _count_sensors(left_sensors, 1)
         for modality in stream.members():
             if modality in modalities or modality not in DIGEST_KINDS:
                 raise ValueError(f"the modality {modality[:40]!r} occurs twice or does not exist")
@@ -204,7 +214,14 @@ def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
     return sensors
 
 
-def _check_intervals(value: object, variant: str) -> None:
+def _count_sensors(left: list[int], number: int) -> None:
+    left[0] -= number
+    if left[0] < 0:
+        raise ValueError(f"it lists more than {MAX_ROWS:,} sensors")
+
+
+def _check_intervals(value: object, variant: str, left: list[int]) -> None:
+    _count_sensors(left, len(value) if isinstance(value, dict) else 0)
     sound = isinstance(value, dict) and 0 < len(value) <= MAX_SENSORS
     if not sound or not all(
         type(n) is int and 1 < n <= MAX_INTERVAL for n in cast("dict[str, object]", value).values()

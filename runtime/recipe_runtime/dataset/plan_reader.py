@@ -18,7 +18,7 @@ from recipe_compiler.ir.plan import AppearancePlan, DatasetPlan, Looks, RigPlan,
 from recipe_compiler.ir.plan_types import MAX_BODIES, MAX_ELEMENTS, Name, Slots
 
 from recipe_runtime.dataset.json_stream import loads
-from recipe_runtime.dataset.limits import MAX_POSES, check_bounds
+from recipe_runtime.dataset.limits import MAX_POSES, MAX_ROWS, check_bounds
 from recipe_runtime.dataset.manifest_reader import first_error
 
 T = TypeVar("T")
@@ -27,8 +27,11 @@ MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan
 _MAX_VALUES = 2_600_000  # of one plan: 300,000 poses and a town
 _OBJECTS = "objects of towns, scenes, rigs and appearances"  # of JSON, which may omit each field that has a default
+_SLOTS_OF_LOOKS = "slots of distinct colours"
+_SENSORS = "sensors of variants"  # each has labels and a picture of frame 0
 _MAX_NUMBERS = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
-         "colours of bodies": 40 * MAX_BODIES, _OBJECTS: 1_000_000}  # fmt: skip
+         "colours of bodies": 40 * MAX_BODIES, _SLOTS_OF_LOOKS: 2_000_000, _SENSORS: MAX_ROWS // 2,
+         _OBJECTS: 1_000_000}  # fmt: skip
 _WITH_OBJECTS = {"town": 2, "scene": 1, "rig": 1, "appearance": 1}  # counted parts: objects around each in `_parts`
 _REMEDY = "split the recipe into several"
 _FRAMING = 200  # bytes of a plan, at most, between its parts
@@ -46,9 +49,13 @@ def check_readable(dataset: DatasetPlan) -> None:
     towns = {scene.town.digest: scene.town for scene in scenes}.values()
     looks = {v.appearance.looks.digest: v.appearance.looks for v in dataset.variants}.values()
     numbers = {
+        _SENSORS: sum(len(variant.rig.sensors) for variant in dataset.variants),
         "points of routes": sum(len(actor.route) for scene in scenes for actor in scene.actors),
         "elements of towns": sum(len(town.elements) for town in towns),
         "colours of bodies": sum(len(look.root) for look in looks),
+        _SLOTS_OF_LOOKS: sum(
+            map(len, {tuple(sorted(slots.items())) for look in looks for slots in look.root.values()})
+        ),
     }
     for what, number in numbers.items():
         _check_number(what, number)
@@ -115,7 +122,9 @@ class PlanReader:
         raw = dict(_object(raw, "a plan"))
         for key, read in (("scene", self._scene), ("rig", self._rig), ("appearance", self._appearance)):
             raw[key] = self._once(key, _object(raw.get(key), key), read)
-        return ScenarioPlan.model_validate(raw)
+        plan = ScenarioPlan.model_validate(raw)
+        self._count(_SENSORS, len(plan.rig.sensors))  # each variant's are checked, also those that it shares
+        return plan
 
     def _scene(self, raw: dict[str, object]) -> ScenePlan:
         actors = [actor for actor in _list(raw.get("actors")) if isinstance(actor, dict)]
@@ -157,6 +166,7 @@ class PlanReader:
         except TypeError:  # a list or an object in place of a colour
             found = None
         if found is None:
+            self._count(_SLOTS_OF_LOOKS, len(slots))
             found = self._slots[key] = _SLOTS.validate_python(slots)
         return found
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,19 +22,19 @@ from recipe_runtime.core.files import (
     holds_current_folder,
     is_folder,
     open_folder,
+    open_inside,
     plain_path,
-    read_inside,
     regular_file,
     remove_tree,
 )
-from recipe_runtime.dataset.json_stream import loads
+from recipe_runtime.dataset.json_stream import JsonStream
 from recipe_runtime.dataset.limits import byte_count
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset
 
 MARKER = ".dataset-recipe-export"  # a file in the folders that exports make next to their outputs
 _REPLACED = "export"  # the replaced export, in the second folder
-_MIN_BYTES_PER_VALUE = 20  # of an index: rows hold names and digests
+_ROW_BYTES, _BYTES_PER_ROW = 500, 250  # of an index: characters of a row, at most; bytes of a row and its path, about
 _MIN_INDEX_LIMIT = 16 << 20  # bytes
 
 
@@ -145,12 +146,46 @@ def read_index(out: Path, name: str, dataset: Dataset, bytes_per_frame: int) -> 
         bytes_per_frame: Bytes of an index for each frame of the dataset, at most.
     """
     frames = sum(len(s.frames(v.scene.clock.frames)) for v in dataset.plan.variants for s in v.rig.sensors)
+    most = max(_MIN_INDEX_LIMIT, bytes_per_frame * frames)
     try:
-        body = read_inside(out, name, max(_MIN_INDEX_LIMIT, bytes_per_frame * frames)) if is_folder(out) else b""
-        with bounded_memory(str(out / name)):
-            return loads(body, 1000 + len(body) // _MIN_BYTES_PER_VALUE) if body else None
+        with open_inside(out, name) as file, bounded_memory(str(out / name)):
+            return _read_rows(JsonStream(file, most), most) if is_folder(out) else None
     except (OSError, ValueError):
         return None
+
+
+def _read_rows(stream: JsonStream, most: int) -> object:
+    """Return the JSON object at a stream, whose tables `files` and `shards` may have up to `most` bytes together.
+
+    Raises:
+        ValueError: it is not the index of an export, or too large.
+    """
+    found: dict[str, object] = {}
+    left = [most // _BYTES_PER_ROW, most]  # rows, and bytes of their paths in memory
+    for key in stream.members():
+        if key in found:
+            raise ValueError("it has a key twice")
+        if key == "files":
+            rows = found[key] = dict[str, object]()
+            for path in stream.members():
+                if path in rows:
+                    raise ValueError("it has a path twice")
+                rows[path] = _row(stream.value(_ROW_BYTES), path, left)
+        elif key == "shards":
+            found[key] = [_row(value, "", left) for value in stream.items(_ROW_BYTES)]
+        else:
+            found[key] = stream.value()
+    stream.end()
+    return found
+
+
+def _row(value: object, path: str, left: list[int]) -> object:
+    """Return a row of an index; ValueError if it is none, or one too many."""
+    parts = list(value.values()) if isinstance(value, dict) else value
+    left[0], left[1] = left[0] - 1, left[1] - sys.getsizeof(path)
+    if min(left) < 0 or not isinstance(parts, list) or not all(isinstance(part, int | str) for part in parts):
+        raise ValueError("it has more rows than an index, or others")
+    return value
 
 
 def holds_files(out: Path, rows: Iterable[tuple[str, int, str]], dataset: Dataset) -> bool:

@@ -88,6 +88,7 @@ class _Shard:
         """Add the files of one frame, sorted by name."""
         for entry, body in sample:
             self.tar.addfile(entry, io.BytesIO(body))
+        self.tar.getmembers().clear()  # which would keep the header of each file in memory
         self.samples += 1
 
     def close(self) -> ShardRecord:

@@ -74,7 +74,7 @@ def test_every_reader_of_documents_is_bounded(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(reader, "_read", too_much)
     with pytest.raises(InputError, match="takes too much memory"):
         reader.read(tmp_path)
-    monkeypatch.setattr(export_folder, "loads", too_much)
+    monkeypatch.setattr(export_folder, "_read_rows", too_much)
     dataset = reader.Dataset(tmp_path, fakes.dataset_plan(frames=2), None, {}, "tiny", None, {})  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"index\.json takes too much memory"):
         export_folder.read_index(tmp_path, "index.json", dataset, 100)

@@ -109,3 +109,14 @@ def test_a_damaged_row_has_a_remedy(row: str) -> None:
     with pytest.raises(InputError) as caught:
         lockfile.loads(f"recipe-lock 1\n{row}\n", "x.lock")
     assert caught.value.problems[0].help == "restore the file from a copy, or write it again"
+
+
+def test_names_take_little_memory() -> None:
+    """Regression: names of 350 characters, one of them beyond U+FFFF, made 256 MiB of lockfile 1.5 GB of memory."""
+    head = f"recipe-lock 1\nrecipe x x.yaml {'0' * 64}\n"
+    row = f"frame {'a' * 16} {{}} rgb 000000 {'0' * 64}\n"
+    assert lockfile.loads(head + row.format("%F0%9F%98%80" + "a" * 99), "x.lock").frames
+    with pytest.raises(InputError, match="has more than 100 characters"):
+        lockfile.loads(head + row.format("%F0%9F%98%80" + "a" * 100), "x.lock")
+    with pytest.raises(InputError, match="the line is not ASCII text"):
+        lockfile.loads(head + row.format("\U0001f600"), "x.lock")

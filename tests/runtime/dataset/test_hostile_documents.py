@@ -352,6 +352,18 @@ LONG: dict[str, tuple[str, Callable[[int], str], str]] = {
         "it lists more than {600000:,} frames' digests",
     ),
 }
+LONG["names"] = (
+    "lockfile",
+    lambda share: (
+        HEAD + "".join(f"frame {'a' * 16} %F0%9F%98%80{n:099} rgb 000000 {n:064x}\n" for n in range(600_000 // share))
+    ),
+    "accepted",
+)
+LONG["sensors"] = (
+    "manifest",
+    lambda share: '{"variants": {"a": {"frames": {' + ", ".join(f'"{n:080}": {{}}' for n in range(700_000 // share)),
+    "it lists more than {600000:,} sensors",
+)
 LARGE: dict[str, tuple[str, Callable[[], str], str]] = {
     "a long line": ("lockfile", lambda: HEAD + "tool " + "a" * 100_000_000, "the line is longer than 16,384 bytes"),
     "poses": (

@@ -34,3 +34,24 @@ def test_paths_in_a_thousand_folders_are_refused(tmp_path: Path, table: str) -> 
         with pytest.raises(ValueError) as caught:  # the other tables are missing
             manifest_reader.read(tmp_path)
         assert ("is in 32 folders, and at most 31 are read" in str(caught.value)) is refused
+
+
+def test_folders_far_beyond_the_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: 124,000 files in 31 folders each, which no other file is in, took 4.8 GB of memory."""
+    monkeypatch.setattr(manifest_reader, "_MAX_EMPTY", 40)
+    shared = {f"{'a/' * 20}{number}/b": ROW for number in range(100)}
+    for files, refused in ((shared, False), ({f"{number}/{path}": ROW for number, path in enumerate(shared)}, True)):
+        (tmp_path / "manifest.json").write_text(json.dumps({"format": FORMAT, "files": files}))
+        with pytest.raises(ValueError) as caught:  # the other tables are missing
+            manifest_reader.read(tmp_path)
+        assert ("it lists 44 folders for 2 files" in str(caught.value)) is refused
+
+
+@pytest.mark.parametrize("row", ['"frames": {"a": {}, "b": {}, "c": {}}', '"intervals": {"a": 2, "b": 2, "c": 2}'])
+def test_sensors_without_digests_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: str) -> None:
+    """Regression: 20 million sensors without a digest, a manifest of 256 MiB, took 3.2 GB of memory."""
+    (tmp_path / "manifest.json").write_text('{"format": "recipe/manifest/1", "variants": {"v": {' + row + "}}}")
+    for most, said in ((3, "the variant 'v' lacks something"), (2, "it lists more than 2 sensors")):
+        monkeypatch.setattr(manifest_reader, "MAX_ROWS", most)
+        with pytest.raises(ValueError, match=said):
+            manifest_reader.read(tmp_path)

@@ -287,11 +287,28 @@ def test_a_forged_export_is_not_accepted_and_its_links_not_followed(
 
 
 @pytest.mark.parametrize("export", [shards.webdataset, partial(export_layout, form="kitti")])
-def test_a_forged_index_takes_little_memory(built: Dataset, tmp_path: Path, export: Callable[..., object]) -> None:
-    """16 MiB of empty lists would take 400 MB; a longer index than a dataset's export can have is not read."""
+@pytest.mark.parametrize(
+    ("head", "row", "tail"),
+    [
+        ("[", "[],", "[]]"),
+        ('{"shards":[', "[],", "[]]}"),
+        ('{"files":["', "x" * 13 + "\U0001f600", '"]}'),
+        ('{"shards":[', '"' + "x" * 13 + '\U0001f600",', '""]}'),
+        ('{"files":{', '"%08x":["",0],', '"":[]}}'),
+    ],
+)
+def test_a_forged_index_takes_little_memory(
+    built: Dataset, tmp_path: Path, export: Callable[..., object], head: str, row: str, tail: str
+) -> None:
+    """16 MiB of empty lists would take 400 MB, and 420 MB of short texts took 5.1 GB.
+
+    A longer index than a dataset's export can have is not read.
+    """
+    rows = (16 << 20) // len(row.encode()) - 8
+    text = "".join(row % number for number in range(rows)) if "%" in row else row * rows
     for size in ((16 << 20) - 4, 1 << 28):
         with (tmp_path / "index.json").open("wb") as file:
-            file.write(b"[" + b"[]," * ((16 << 20) // 3 - 2) + b"[]]")
+            file.write((head + text + tail).encode())
             file.truncate(size)
         tracemalloc.start()
         try:
