@@ -511,6 +511,15 @@ def test_no_command_overwrites_a_file_of_the_recipe(recipe: Run) -> None:
     assert {path: path.read_bytes() for path in before} == before
 
 
+def test_locking_two_recipes_overwrites_no_file_of_the_other(recipe: Run) -> None:
+    base = write("lockfiles/other.lock", RECIPE)
+    write("small.yaml", "recipe: small\nextends: lockfiles/other.lock\n")
+    write("other.yaml", RECIPE.replace("recipe: small", "recipe: other"))
+    with pytest.raises(InputError, match=r"other\.lock is a file that the recipe uses"):
+        recipe("lock", "small.yaml", "other.yaml", "--replace")
+    assert base.read_text() == RECIPE
+
+
 def test_a_recipe_in_a_dataset_is_not_locked_there(recipe: Run) -> None:
     """The dataset would contain a file that its manifest does not list."""
     write("a.yaml", RECIPE)

@@ -72,8 +72,9 @@ def command(
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
     _check_apart(recipes, places)
     options = Options(update or replace, replace, with_traces, device, count, allow_large)
+    inputs = [file for recipe, one in zip(recipes, compiled, strict=True) for file in used_files(recipe, one)]
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
-        _check_before(recipe, one, path, options)
+        _check_before(recipe, one, path, options, inputs)
     rows = []
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
         locked = _lock(recipe, one, path, options)
@@ -220,11 +221,12 @@ def _interrupted(recipe: Path, known: Known) -> Problem:
     return Problem(f"interrupted; {counted(kept, 'frame')} kept", help=f"lock {recipe} again to continue", code=code)
 
 
-def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options) -> None:
+def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options, inputs: list[Path]) -> None:
     """Raise what is known before anything is rendered.
 
     Raises:
-        InputError: the file is not this recipe's lockfile, or has another plan.
+        InputError: the file is not this recipe's lockfile, or has another plan; or it is one of `inputs`, the files
+            that the recipes use.
         RunError: the folder cannot be written.
     """
     import os
@@ -246,7 +248,7 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
         _check_is_of_recipe(recipe, compiled, path, options.update)
     traces = trace_bundle.beside(path)
     for output in (path, traces):
-        check_not_input(output, used_files(recipe, compiled))
+        check_not_input(output, inputs)
     try:
         check_outside_datasets(path)
     except InputError:

@@ -35,17 +35,39 @@ MAX_BYTES = 256 << 20
 
 
 @dataclass(frozen=True)
-class RecipeFiles:
-    """The files of a recipe by path relative to its folder, as read when it was compiled, and its lockfile `lock`.
+class Replaced:
+    """The dataset that a build replaces; its lockfile may be the only copy."""
 
-    `earlier_lock` is that of the dataset to be replaced, and `must_keep_lock` whether it may be the only copy.
-    """
+    root: Path
+    manifest: Manifest
+    used: Collection[Path]  # the recipe's files and its lockfile, which may be in this dataset
+    keep_lock: bool  # whether an only copy must not be lost
+
+    def lock(self, plan: DatasetPlan) -> Lockfile | None:
+        """Return its lockfile; None if there is none, or it is damaged or differs from its row in the manifest."""
+        path = layout.recipe_lockfile(plan.recipe)
+        try:
+            if not has_content(self.root, path, *listed_files(self.manifest)[path]):
+                return None
+            found = lockfile.read(self.root / path, plan)
+        except (InputError, OSError, *DAMAGE):
+            return None
+        return found if found.sealed else None
+
+    def holds_used(self, path: str) -> bool:
+        """Return whether one of the used files is the file at a path in this dataset."""
+        if regular_file(self.root, path) is None:
+            return False
+        return any(file.exists() and file.samefile(self.root / path) for file in self.used)
+
+
+@dataclass(frozen=True)
+class RecipeFiles:
+    """The files of a recipe by path relative to its folder, as read when it was compiled, and its lockfile `lock`."""
 
     recipe: str
     files: Mapping[str, bytes]
     lock: Lockfile | None = None
-    earlier_lock: Lockfile | None = None
-    must_keep_lock: bool = False
 
     def __post_init__(self) -> None:
         """Check the names and the total size of the files.
@@ -70,74 +92,59 @@ class RecipeFiles:
     def contents(self, name: str, identity: str) -> dict[str, bytes]:
         """Return the content of every file, by path in the dataset with that name and identity."""
         found = {f"{layout.RECIPE}/{path}": body for path, body in self.files.items()}
-        for lock in (self.lock, self.earlier_lock):
-            if lock is not None and lock.sealed and lock.identity == identity:
-                digests = {path: hashlib.sha256(body).hexdigest() for path, body in self.files.items()}
-                moved = replace(lock, source=f"../{self.recipe}", files=digests)
-                found[layout.recipe_lockfile(name)] = moved.dumps().encode()
-                break
+        lock = self.lock
+        if lock is not None and lock.sealed and lock.identity == identity:
+            digests = {path: hashlib.sha256(body).hexdigest() for path, body in self.files.items()}
+            moved = replace(lock, source=f"../{self.recipe}", files=digests)
+            found[layout.recipe_lockfile(name)] = moved.dumps().encode()
         return found
 
     def with_lock_of(
-        self, out: Path, manifest: Manifest | None, plan: DatasetPlan, used: Collection[Path]
-    ) -> RecipeFiles:
-        """Return these files with the lockfile in the dataset at `out`, if it is intact; it may be the only copy.
+        self, there: Replaced, plan: DatasetPlan, identity: str, trace_of: Callable[[ScenePlan], Trace]
+    ) -> tuple[RecipeFiles, tuple[str, ...]]:
+        """Return these files with a lockfile of the dataset to be built, if there is one, and lines to report.
+
+        It is the recipe's own, or that of the dataset to be replaced. The latter is left out if its rows of bodies,
+        which no identity covers, contradict this build's motion.
 
         Args:
-            out: the dataset's folder.
-            manifest: its manifest; None if there is no dataset.
+            there: the dataset to be replaced.
             plan: the plan to build.
-            used: the paths of the recipe's files and of its lockfile `lock`.
-        """
-        path = layout.recipe_lockfile(plan.recipe)
-        if manifest is None or regular_file(out, path) is None:
-            return self
-        own = any(file.exists() and file.samefile(out / path) for file in used)
-        files = replace(self, lock=None) if own else self
-        try:
-            if not has_content(out, path, *listed_files(manifest)[path]):
-                return files
-            earlier = lockfile.read(out / path, plan)
-        except (InputError, OSError, *DAMAGE):
-            return files
-        copied = files.lock is not None and files.lock.sealed and files.lock.plan == plan.digest
-        must_keep = not copied and earlier.sealed and earlier.plan == plan.digest
-        return replace(files, earlier_lock=earlier, must_keep_lock=must_keep)
-
-    def for_identity(
-        self, identity: str, out: Path, plan: DatasetPlan, trace_of: Callable[[ScenePlan], Trace]
-    ) -> RecipeFiles:
-        """Return the files for a dataset with that identity, in place of the one at `out`.
-
-        A lockfile there is left out if its rows of bodies, which no identity covers, contradict this build's motion.
+            identity: the identity of the dataset to be built.
+            trace_of: returns the motion of a scene.
 
         Raises:
-            InputError: the lockfile is of another identity and would be removed, and may be the only copy.
+            InputError: the lockfile there is of another identity and would be removed, and may be the only copy.
         """
-        lock = self.earlier_lock
-        if lock is None or (self.lock is not None and self.lock.sealed and self.lock.identity == identity):
-            return self
-        if lock.identity != identity:
-            if not self.must_keep_lock:
-                return self
+        path = layout.recipe_lockfile(plan.recipe)
+        lock = None if there.holds_used(path) else self.lock
+        if lock is not None and lock.sealed and lock.identity == identity:
+            return self, ()
+        files, earlier = replace(self, lock=None), there.lock(plan)
+        if earlier is None:
+            return files, ()
+        if earlier.identity == identity:
+            if _contradicts(earlier, plan, trace_of):
+                return files, (f"{path} contradicts the motion of this build, and was left out",)
+            return replace(self, lock=earlier), ()
+        copied = lock is not None and lock.sealed and lock.plan == plan.digest
+        if there.keep_lock and earlier.plan == plan.digest and not copied:
             raise InputError(
-                f"{out} has a lockfile, {layout.recipe_lockfile(plan.recipe)}, of {lock.identity}, and this host makes"
+                f"{there.root} has a lockfile, {path}, of {earlier.identity}, and this host makes"
                 f" {identity}: the lockfile would be removed",
                 help="choose another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
-        left = set(lock.bodies)
-        for scene in simulations(plan) if left else ():
-            motions = {(scene.digest, actor): row for actor, row in body_motions(trace_of(scene)).items()}
-            left -= {key for key, row in motions.items() if lock.bodies.get(key) == row}
-        return replace(self, earlier_lock=None) if left else self
+        return files, ()
 
-    def left_out(self, manifest: Manifest) -> tuple[str, ...]:
-        """Return a line if the lockfile of the replaced dataset is not in the new one, although it has its identity."""
-        path = layout.recipe_lockfile(manifest["recipe"])
-        if self.earlier_lock is None or self.earlier_lock.identity != manifest["identity"] or path in manifest["files"]:
-            return ()
-        return (f"{path} contradicts the motion of this build, and was left out",)
+
+def _contradicts(lock: Lockfile, plan: DatasetPlan, trace_of: Callable[[ScenePlan], Trace]) -> bool:
+    """Return whether a lockfile has rows of bodies other than those of this plan's motion."""
+    left = set(lock.bodies)
+    for scene in simulations(plan) if left else ():
+        motions = {(scene.digest, actor): row for actor, row in body_motions(trace_of(scene)).items()}
+        left -= {key for key, row in motions.items() if lock.bodies.get(key) == row}
+    return bool(left)
 
 
 def asset_places(dataset: Dataset) -> dict[str, Path]:

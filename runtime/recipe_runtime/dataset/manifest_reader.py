@@ -9,13 +9,14 @@ from __future__ import annotations
 import itertools
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from recipe_compiler.ir.bounded_reads import bounded_memory
-from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.errors import Code, InputError, RunError
 from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan_types import (
     MAX_DESCRIPTION,
@@ -232,6 +233,38 @@ def _check_intervals(value: object, variant: str, left: list[int]) -> None:
 def _check_digest(value: object, what: str) -> None:
     if not isinstance(value, str) or not _DIGEST.fullmatch(value):
         raise ValueError(f"{what} has no SHA-256 digest")
+
+
+@contextmanager
+def not_replaced(root: Path, name: str) -> Iterator[None]:
+    """Check that a dataset is not replaced while it is read: files of two datasets would be compared as one.
+
+    Args:
+        root: the dataset's folder.
+        name: its name in messages.
+
+    Raises:
+        RunError: its manifest is another file when the context ends.
+    """
+    before = _stamp(root)
+    try:
+        yield
+    except InputError:
+        if _stamp(root) == before:
+            raise
+    if _stamp(root) != before:
+        raise replaced(name)
+
+
+def replaced(name: str) -> RunError:
+    """Return the error for a dataset that was replaced while it was read."""
+    return RunError(f"{name} was replaced or changed while it was read; try again when nothing is written there")
+
+
+def _stamp(root: Path) -> tuple[int, int, int] | None:
+    """Return a value that changes if another manifest takes the place of that in a folder."""
+    found = regular_file(root, layout.MANIFEST)
+    return found and (found.st_ino, found.st_size, found.st_mtime_ns)
 
 
 def check_outside_datasets(out: Path) -> None:

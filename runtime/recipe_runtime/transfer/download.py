@@ -8,6 +8,7 @@ reports them. A `file://` URL is read in place.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import tempfile
@@ -20,6 +21,7 @@ from typing import Any
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.core import layout, urls
+from recipe_runtime.core.files import file_sha256
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.limits import MAX_FILES
@@ -48,7 +50,7 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
 
     Raises:
         InputError: there is no dataset, or its manifest is damaged.
-        RunError: the store or this host fails.
+        RunError: the store or this host fails, or the dataset is replaced while it is read.
     """
     shown = urls.shown(url)
     if scheme_of(url) in _LISTLESS:
@@ -56,7 +58,8 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
     if scheme_of(url) in _LOCAL:
         with reported_errors(url, "try again"):
             place = Path(located(url)[1])
-        yield place
+        with manifest_reader.not_replaced(place, shown):
+            yield place
         return
     with tempfile.TemporaryDirectory(prefix="recipe-fetch-") as folder:
         root = Path(folder) / "dataset"
@@ -104,6 +107,8 @@ class _Fetch:
             except BaseException:
                 threads.shutdown(wait=True, cancel_futures=True)
                 raise
+        if not self._has_manifest():
+            raise manifest_reader.replaced(self._url)
         self._represent_surplus(sizes, {*rows, layout.MANIFEST})
 
     def _manifest(self) -> dict[str, tuple[int, str]]:
@@ -132,6 +137,17 @@ class _Fetch:
             raise InputError(
                 f"{self._url}: its {layout.MANIFEST} is damaged ({error})", code=Code.INVALID_DATASET
             ) from None
+
+    def _has_manifest(self) -> bool:
+        """Return whether the store still has the manifest that was downloaded; an upload removes it first."""
+        left, found = MAX_BYTES + 1, hashlib.sha256()
+        place = f"{self._prefix}/{layout.MANIFEST}"
+        with suppress(FileNotFoundError), self._fs.open(place, "rb", block_size=_PIECE) as file:
+            while left and (piece := file.read(min(left, _PIECE))):
+                found.update(piece)
+                left -= len(piece)
+                self._beat()
+        return found.hexdigest() == file_sha256(self._root / layout.MANIFEST)
 
     def _entries(self, folders: set[str]) -> Iterator[tuple[str, int | None]]:
         """Yield every entry of the manifest's folders, with the size of a file, or None for a further folder."""

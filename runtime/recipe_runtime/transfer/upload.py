@@ -30,6 +30,8 @@ from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.transfer.upload_journal import UNKNOWN, Rows, UploadJournal
 
 MARKER = ".recipe-upload.json"
+_NEW_MARKER = f"{MARKER}.new"  # on a local disk, until it is renamed
+_OWN = {layout.MANIFEST, MARKER, _NEW_MARKER}  # files that no manifest lists
 SCHEMES = (
     "s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "file", "local", "memory", "ftp", "sftp", "ssh", "hdfs",
     "webhdfs", "smb", "oci", "oss", "http", "https",
@@ -82,11 +84,11 @@ class Target:
         with self._reported():
             self.existing = self._manifest()
         found = self._sizes()
-        if found and self.existing is None and MARKER not in found:
+        if found and self.existing is None and not found.keys() & {MARKER, _NEW_MARKER}:
             raise InputError(f"{self.url} holds files but no {layout.MANIFEST} of a dataset; name another place")
         if not found:
             with self._reported():
-                self._write(MARKER, b"{}")  # fail before the build, not after it, if the place is not writable
+                self._write_marker(b"{}")  # fail before the build, not after it, if the place is not writable
 
     def check_replaceable(self, recipe: str) -> None:
         """Check that an existing dataset here belongs to a recipe with this name.
@@ -132,18 +134,18 @@ class Target:
         journal = UploadJournal(root, self._full)
         with self._reported():
             known = listed_files(self.existing) if self.existing else journal.rows(self._marker_token())
-        foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, MARKER})
+        foreign = sorted(set(sizes) - set(known) - set(rows) - _OWN)
         if foreign:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
         missing = [path for path, row in rows.items() if known.get(path) != row or sizes.get(path) != row[0]]
         with self._reported():
             there = {p: row if sizes[p] == row[0] else UNKNOWN for p, row in known.items() if p in sizes}
             token = journal.begin(there | dict.fromkeys(missing, UNKNOWN))
-            self._write(MARKER, canonical_bytes({"dataset": manifest["identity"], "copy": token}))
+            self._write_marker(canonical_bytes({"dataset": manifest["identity"], "copy": token}))
             if self.existing is not None:
                 self._fs.rm_file(self._at(layout.MANIFEST))
             copied = self._send(root, rows, missing, journal, progress)
-            for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, MARKER}):
+            for path in sorted(set(sizes) - set(rows) - _OWN):
                 self._fs.rm_file(self._at(path))
             self._remove_empty_folders()
             if self._marker_token() != token:
@@ -204,6 +206,14 @@ class Target:
     def _write(self, path: str, body: bytes) -> None:
         self._prepare(path)
         self._fs.pipe_file(self._at(path), body)
+
+    def _write_marker(self, body: bytes) -> None:
+        """Write the marker in one step: files without a marker and a manifest are not taken for a dataset's."""
+        if self.folder is None:
+            self._write(MARKER, body)
+            return
+        self._write(_NEW_MARKER, body)
+        (self.folder / _NEW_MARKER).replace(self.folder / MARKER)
 
     def _prepare(self, path: str) -> None:
         """Create the folder of a file on a local disk, and remove an existing file, which may be a hard link.

@@ -27,19 +27,22 @@ _REMEDY = "free some space or allow writing"
 class UploadJournal:
     """The files uploaded to a URL so far, recorded next to the dataset's folder. Links are not followed.
 
-    Its first line is the upload's token; the record is valid only if the marker file at the URL has the same token.
+    Its first line is the upload's token, and that of the upload that it resumes, which the marker file at the URL has
+    until it is replaced. The record is valid only if the marker file has one of them.
     """
 
     def __init__(self, root: Path, url: str) -> None:
         name = hashlib.sha256(os.fsencode(url)).hexdigest()[:16]
         self._path = root.with_name(f".{root.name}.sent-{name}")
+        self._resumed = ""  # the token of the upload that is resumed
 
     def rows(self, token: str | None) -> Rows:
         """Return the recorded files of the upload with that token; damaged lines are ignored."""
         found: Rows = {}
         with suppress(OSError, ValueError), open_regular(self._path, follow_links=False) as file:
-            if token is None or file.readline(_MAX_LINE) != f"{token}\n".encode():
+            if token is None or token.encode() not in file.readline(_MAX_LINE).split():
                 return {}
+            self._resumed = token
             for line in islice(iter(lambda: file.readline(_MAX_LINE), b""), _MAX_LINES):
                 with suppress(ValueError, TypeError, OverflowError, RecursionError):
                     path, size, sha256 = json.loads(line)
@@ -54,9 +57,8 @@ class UploadJournal:
         """
         token = f"{fresh_nonce():x}"
         with host_errors(str(self._path), _REMEDY):
-            write_atomic(
-                self._path, "".join([f"{token}\n", *(_line(path, row) for path, row in rows.items())]).encode()
-            )
+            lines = [f"{token} {self._resumed}\n", *(_line(path, row) for path, row in rows.items())]
+            write_atomic(self._path, "".join(lines).encode())
         return token
 
     def record(self, path: str, row: tuple[int, str]) -> None:

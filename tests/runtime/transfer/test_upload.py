@@ -144,6 +144,28 @@ def test_files_of_an_interrupted_upload_are_not_taken_for_those_of_another_datas
     assert remote_files(url) == local(built)
 
 
+def test_an_upload_that_is_killed_before_its_marker_is_written_is_resumed(
+    url: str, built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: the place had no marker any more, or one without a record, and every further upload was refused."""
+
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    root = tmp_path / "small"
+    with_files(shutil.copytree(built, root), {"extra/new.txt": b"new"})
+    fs, _ = fsspec.core.url_to_fs(url)
+    for kind, name in ((Target, "_remove_empty_folders"), (type(fs), "pipe_file")):
+        with monkeypatch.context() as patched:
+            patched.setattr(kind, name, killed)
+            with pytest.raises(KeyboardInterrupt):
+                put(url, root)
+        shutil.rmtree(root)
+        shutil.copytree(built, root)
+    assert put(url, root).kept > 0
+    assert remote_files(url) == local(built)
+
+
 def test_empty_folders_at_a_local_place_are_removed(built: Path, tmp_path: Path) -> None:
     """Regression: `verify` reports them, and an interrupted upload leaves them."""
     place, root = tmp_path / "place", shutil.copytree(built, tmp_path / "small")
