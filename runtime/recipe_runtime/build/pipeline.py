@@ -25,7 +25,7 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.build import local, provenance
 from recipe_runtime.build.finalize import Finisher
 from recipe_runtime.build.output_folder import check_out, read_manifest
-from recipe_runtime.build.recipe_files import RecipeFiles, Replaced
+from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.repair import Examined, examine
 from recipe_runtime.build.resume import Runner, render_unfinished
 from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
@@ -167,14 +167,16 @@ def _build(
     provenance.check_outside(out, manifest, dataset, source, files, sources.used)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
-    there = manifest and Replaced(out, manifest, sources.used, keep_lock=not replace_other)
+    if manifest is not None and files is not None:
+        used = sources.used
+        files = files.in_place_of(out, manifest, dataset, used, repaired=repair, replaced=replace_other)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
     trusted = not damage or earlier(store, out) is not None
     with (
         pruning.leased(store.root),
         _workspace(dataset, out, journal_key(store.root), replace_other, stages.written) as work,
     ):
-        counts, manifest, notes = stages.run_all(work, out, files, there)
+        counts, manifest = stages.run_all(work, out, files)
     if trusted:
         remember(store, out, dataset)
     pruning.auto_prune(pruned, cache_limit)
@@ -184,7 +186,7 @@ def _build(
         manifest["identity"],
         manifest,
         built=True,
-        repaired=(*damage, *notes),
+        repaired=damage,
         resumed=counts.resumed,
         shards=counts.shards,
         resumed_frames=counts.resumed_frames,
@@ -245,10 +247,8 @@ class _Stages:
         """The plan."""
         return self.job.dataset
 
-    def run_all(
-        self, work: Workspace, out: Path, recipe_files: RecipeFiles | None, there: Replaced | None
-    ) -> tuple[_Counts, Manifest, tuple[str, ...]]:
-        """Run every stage in a workspace, publish the dataset, and return its manifest and lines to report."""
+    def run_all(self, work: Workspace, out: Path, recipe_files: RecipeFiles | None) -> tuple[_Counts, Manifest]:
+        """Run every stage in a workspace, publish the dataset, and return its manifest."""
         job, store = replace(self.job, root=work.dataset), Store(self.job.cache)
         new = [scene for scene in simulations(self.dataset) if not store.has_trace(scene)]
         with self._early_pool(job, work, new) as run:
@@ -264,9 +264,8 @@ class _Stages:
         finisher = Finisher(self.dataset, assembly, work, self.progress, self.timings, recipe_files)
         if self.examined:
             self.examined.check(finisher.identity, work)
-        notes: tuple[str, ...] = ()
-        if recipe_files and there:
-            finisher.sources, notes = recipe_files.with_lock_of(there, self.dataset, finisher.identity, self._trace)
+        if recipe_files:
+            recipe_files.check_lock_kept(out, finisher.identity)
         files = finisher.finish(self._trace)
         manifest = read_manifest(work.dataset)  # afterwards, another program may move the dataset away
         work.publish(files)
@@ -279,7 +278,7 @@ class _Stages:
             made_frames=sum(shard.pictures for shard in shards) - resumed_frames,
             taken_frames=sum(len(there.variants) * len(there.frames) for there in taken.values()),
         )
-        return counts, manifest, notes
+        return counts, manifest
 
     @contextmanager
     def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:

@@ -12,62 +12,36 @@ dataset's plan.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile
-from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import has_content, regular_file
-from recipe_runtime.core.trace import Trace
-from recipe_runtime.dataset.digests import body_motions
-from recipe_runtime.dataset.manifest import DAMAGE, listed_files, stays_inside
+from recipe_runtime.dataset.manifest import listed_files, stays_inside
 from recipe_runtime.dataset.manifest_reader import MAX_PARTS
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.reader import Dataset
-from recipe_runtime.dataset.schedule import simulations
 
 MAX_BYTES = 256 << 20
 
 
 @dataclass(frozen=True)
-class Replaced:
-    """The dataset that a build replaces; its lockfile may be the only copy."""
-
-    root: Path
-    manifest: Manifest
-    used: Collection[Path]  # the recipe's files and its lockfile, which may be in this dataset
-    keep_lock: bool  # whether an only copy must not be lost
-
-    def lock(self, plan: DatasetPlan) -> Lockfile | None:
-        """Return its lockfile; None if there is none, or it is damaged or differs from its row in the manifest."""
-        path = layout.recipe_lockfile(plan.recipe)
-        try:
-            if not has_content(self.root, path, *listed_files(self.manifest)[path]):
-                return None
-            found = lockfile.read(self.root / path, plan)
-        except (InputError, OSError, *DAMAGE):
-            return None
-        return found if found.sealed else None
-
-    def holds_used(self, path: str) -> bool:
-        """Return whether one of the used files is the file at a path in this dataset."""
-        if regular_file(self.root, path) is None:
-            return False
-        return any(file.exists() and file.samefile(self.root / path) for file in self.used)
-
-
-@dataclass(frozen=True)
 class RecipeFiles:
-    """The files of a recipe by path relative to its folder, as read when it was compiled, and its lockfile `lock`."""
+    """The files of a recipe by path relative to its folder, as read when it was compiled, and its lockfile `lock`.
+
+    `only_lock` is whether the lockfile is in the dataset to be replaced, and must not be lost with it.
+    """
 
     recipe: str
     files: Mapping[str, bytes]
     lock: Lockfile | None = None
+    only_lock: bool = False
 
     def __post_init__(self) -> None:
         """Check the names and the total size of the files.
@@ -99,52 +73,68 @@ class RecipeFiles:
             found[layout.recipe_lockfile(name)] = moved.dumps().encode()
         return found
 
-    def with_lock_of(
-        self, there: Replaced, plan: DatasetPlan, identity: str, trace_of: Callable[[ScenePlan], Trace]
-    ) -> tuple[RecipeFiles, tuple[str, ...]]:
-        """Return these files with a lockfile of the dataset to be built, if there is one, and lines to report.
+    def in_place_of(
+        self,
+        out: Path,
+        manifest: Manifest,
+        plan: DatasetPlan,
+        used: Collection[Path],
+        *,
+        repaired: bool,
+        replaced: bool,
+    ) -> RecipeFiles:
+        """Return the files for a dataset that replaces the one at `out`, whose lockfile may be the only copy.
 
-        It is the recipe's own, or that of the dataset to be replaced. The latter is left out if its rows of bodies,
-        which no identity covers, contradict this build's motion.
+        A lockfile there that is not the recipe's is never taken over: its rows may be anyone's.
 
         Args:
-            there: the dataset to be replaced.
+            out: the dataset's folder.
+            manifest: its manifest.
             plan: the plan to build.
-            identity: the identity of the dataset to be built.
-            trace_of: returns the motion of a scene.
+            used: the paths of the recipe's files and of its lockfile, which may be in `out`.
+            repaired: whether a lockfile there that differs from the manifest may be lost.
+            replaced: whether any may be lost.
 
         Raises:
-            InputError: the lockfile there is of another identity and would be removed, and may be the only copy.
+            InputError: a lockfile at `out` would be lost.
         """
         path = layout.recipe_lockfile(plan.recipe)
-        lock = None if there.holds_used(path) else self.lock
-        if lock is not None and lock.sealed and lock.identity == identity:
-            return self, ()
-        files, earlier = replace(self, lock=None), there.lock(plan)
-        if earlier is None:
-            return files, ()
-        if earlier.identity == identity:
-            if _contradicts(earlier, plan, trace_of):
-                return files, (f"{path} contradicts the motion of this build, and was left out",)
-            return replace(self, lock=earlier), ()
-        copied = lock is not None and lock.sealed and lock.plan == plan.digest
-        if there.keep_lock and earlier.plan == plan.digest and not copied:
-            raise InputError(
-                f"{there.root} has a lockfile, {path}, of {earlier.identity}, and this host makes"
-                f" {identity}: the lockfile would be removed",
-                help="choose another folder, or replace it",
-                code=Code.OUTPUT_IN_THE_WAY,
-            )
-        return files, ()
+        if regular_file(out, path) is None:
+            return self
+        own = any(file.exists() and file.samefile(out / path) for file in used)
+        intact = has_content(out, path, *listed_files(manifest).get(path, (-1, "")))
+        if not intact and (repaired or replaced):
+            return replace(self, lock=None) if own else self
+        if own:
+            if not intact:
+                raise _lost(out, path, "which differs from its digest in the manifest")
+            return replace(self, only_lock=not replaced)
+        if not replaced and (self.lock is None or not self.lock.sealed or self.lock.plan != plan.digest):
+            try:
+                there = lockfile.read(out / path, plan)
+            except InputError:
+                return self
+            if there.sealed and there.plan == plan.digest:
+                raise _lost(out, path, f"which {self.recipe} lacks")
+        return self
+
+    def check_lock_kept(self, out: Path, identity: str) -> None:
+        """Check that a dataset with that identity keeps the only copy of the lockfile.
+
+        Raises:
+            InputError: the lockfile has another identity.
+        """
+        if self.only_lock and self.lock is not None and self.lock.identity != identity:
+            what = f"of {self.lock.identity}, and this host makes {identity}"
+            raise _lost(out, layout.recipe_lockfile(self.lock.recipe), what)
 
 
-def _contradicts(lock: Lockfile, plan: DatasetPlan, trace_of: Callable[[ScenePlan], Trace]) -> bool:
-    """Return whether a lockfile has rows of bodies other than those of this plan's motion."""
-    left = set(lock.bodies)
-    for scene in simulations(plan) if left else ():
-        motions = {(scene.digest, actor): row for actor, row in body_motions(trace_of(scene)).items()}
-        left -= {key for key, row in motions.items() if lock.bodies.get(key) == row}
-    return bool(left)
+def _lost(out: Path, path: str, what: str) -> InputError:
+    return InputError(
+        f"{out} has a lockfile, {path}, {what}: it would be removed",
+        help="copy it to the recipe's lockfiles/, or choose another folder, or replace it",
+        code=Code.OUTPUT_IN_THE_WAY,
+    )
 
 
 def asset_places(dataset: Dataset) -> dict[str, Path]:

@@ -231,16 +231,28 @@ def test_a_repair_restores_the_recipe_and_no_intact_file(copied: Path, tmp_path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("outdated", [False, True])
-def test_the_lockfile_in_a_dataset_is_kept_when_files_are_built_again(
+def test_a_lockfile_that_the_recipe_lacks_is_neither_lost_nor_taken_over(
     copied: Path, tmp_path: Path, outdated: bool
 ) -> None:
-    """It may be the only copy: the recipe is elsewhere, without a lockfile or with an outdated one."""
-    own = lockfile.read(copied / "recipe/lockfiles/assets.lock")
-    sources = RecipeFiles("recipe.yaml", FILES, replace(own, plan="0" * 64) if outdated else None)
-    before = tree(copied)
+    """It may be the only copy, and no identity covers its rows of bodies and tools, which anyone may have written."""
+    path = changed_lock(copied, listed=True, tools={"numpy": "0"})
+    own = replace(lockfile.read(path), plan="0" * 64) if outdated else None
     next(copied.rglob("*.png")).unlink()
-    build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources)
+    before = tree(copied)
+
+    def again(recipe_lock: lockfile.Lockfile | None, replaced: bool = False) -> None:
+        sources, cache = RecipeFiles("recipe.yaml", FILES, recipe_lock), tmp_path / "cache"
+        build(COMPILED.plan, copied, workers=0, cache=cache, engines=ENGINES, recipe_files=sources, replace=replaced)
+
+    with pytest.raises(InputError, match=r"assets\.lock, which recipe\.yaml lacks: it would be removed"):
+        again(own)
     assert tree(copied) == before
+    locked = replace(lockfile.read(path), tools={})
+    again(locked)
+    assert lockfile.read(path).tools == {}
+    next(copied.rglob("*.png")).unlink()
+    again(own, replaced=True)
+    assert not path.exists()
 
 
 def changed_lock(copied: Path, listed: bool, **values: Any) -> Path:
@@ -272,20 +284,6 @@ def test_a_repair_does_not_keep_a_changed_lockfile(copied: Path, tmp_path: Path,
 
 
 @pytest.mark.slow
-def test_a_lockfile_with_other_motion_is_left_out(copied: Path, tmp_path: Path) -> None:
-    """Regression: no identity covers rows of bodies, and `verify` failed for the dataset that was built here."""
-    locked = lockfile.read(copied / "recipe/lockfiles/assets.lock")
-    scene = next(iter(locked.variants.values())).scene
-    forged = {**locked.bodies, (scene, "walker"): lockfile.BodyMotion("0" * 64, 1, ())}
-    path = changed_lock(copied, listed=True, bodies=forged)
-    next(copied.rglob("*.png")).unlink()
-    sources = RecipeFiles("recipe.yaml", FILES)
-    made = build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources)
-    assert "contradicts the motion" in made.repaired[0]
-    assert not path.exists()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("own", [False, True])
 def test_the_lockfile_of_another_identity_is_not_lost(copied: Path, tmp_path: Path, own: bool) -> None:
     """It may be the only copy, of the dataset as another host made it."""
@@ -307,7 +305,7 @@ def test_the_lockfile_of_another_identity_is_not_lost(copied: Path, tmp_path: Pa
             replace=replaced,
         )
 
-    with pytest.raises(InputError, match="the lockfile would be removed"):
+    with pytest.raises(InputError, match="it would be removed"):
         again(False)
     assert tree(copied) == before
     again(True)
