@@ -90,6 +90,20 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
         )
 
 
+def check_recipe_kept(out: Path, manifest: Manifest | None, plan: DatasetPlan, files: RecipeFiles | None) -> None:
+    """Check that a dataset to be replaced by one of the same plan does not lose its recipe.
+
+    Raises:
+        InputError: it has a recipe, and `files`, the recipe's files that the new dataset holds, are None.
+    """
+    if files is None and manifest is not None and manifest.get("plan") == plan.digest and "recipe_file" in manifest:
+        raise InputError(
+            f"{out} has the recipe of this plan, which would be removed",
+            help="build its own recipe, or choose another folder, or replace it",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+
+
 def check_outside(
     out: Path,
     manifest: Manifest | None,

@@ -255,6 +255,18 @@ def test_a_lockfile_that_the_recipe_lacks_is_neither_lost_nor_taken_over(
     assert not path.exists()
 
 
+@pytest.mark.slow
+def test_a_build_without_the_recipe_does_not_remove_it(copied: Path, tmp_path: Path) -> None:
+    """`--only-locked` has no recipe of the dataset's plan once the recipe has further variants."""
+    next(copied.rglob("*.png")).unlink()
+    before = tree(copied)
+    with pytest.raises(InputError, match="has the recipe of this plan, which would be removed"):
+        build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    assert tree(copied) == before
+    build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, replace=True)
+    assert not (copied / "recipe").exists()
+
+
 def changed_lock(copied: Path, listed: bool, **values: Any) -> Path:
     """Change the lockfile in a dataset and seal it; if `listed`, its row in the manifest is that of the new content."""
     path = copied / "recipe/lockfiles/assets.lock"
