@@ -96,7 +96,9 @@ def check_recipe_kept(out: Path, manifest: Manifest | None, plan: DatasetPlan, f
     Raises:
         InputError: it has a recipe, and `files`, the recipe's files that the new dataset holds, are None.
     """
-    if files is None and manifest is not None and manifest.get("plan") == plan.digest and "recipe_file" in manifest:
+    if files is not None or manifest is None or manifest.get("plan") != plan.digest:
+        return
+    if any(map(layout.is_recipe_file, manifest["files"])):
         raise InputError(
             f"{out} has the recipe of this plan, which would be removed",
             help="build its own recipe, or choose another folder, or replace it",

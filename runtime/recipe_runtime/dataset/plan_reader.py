@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
@@ -53,9 +53,7 @@ def check_readable(dataset: DatasetPlan) -> None:
         "points of routes": sum(len(actor.route) for scene in scenes for actor in scene.actors),
         "elements of towns": sum(len(town.elements) for town in towns),
         "colours of bodies": sum(len(look.root) for look in looks),
-        _SLOTS_OF_LOOKS: sum(
-            map(len, {tuple(sorted(slots.items())) for look in looks for slots in look.root.values()})
-        ),
+        _SLOTS_OF_LOOKS: sum(map(len, _distinct(slots for look in looks for slots in look.root.values()))),
     }
     for what, number in numbers.items():
         _check_number(what, number)
@@ -76,6 +74,11 @@ def check_readable(dataset: DatasetPlan) -> None:
         if total > MAX_BYTES:
             each = f"that of {variant.variant} has {size:,}"
             raise InputError(f"the plans have over {MAX_BYTES:,} bytes together; {each}", help=_REMEDY)
+
+
+def _distinct(colours: Iterable[Mapping[str, object]]) -> Iterable[tuple[tuple[str, object], ...]]:
+    """Return the distinct colours of bodies, as pairs of slot and colour."""
+    return dict.fromkeys(tuple(sorted(slots.items())) for slots in colours)
 
 
 def _check_number(what: str, number: int) -> None:
