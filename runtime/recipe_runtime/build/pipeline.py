@@ -30,7 +30,7 @@ from recipe_runtime.build.repair import Examined, examine
 from recipe_runtime.build.resume import Runner, render_unfinished
 from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
 from recipe_runtime.build.worker import Job
-from recipe_runtime.build.workspace import Workspace
+from recipe_runtime.build.workspace import BuildJob, Workspace
 from recipe_runtime.cache import pruning
 from recipe_runtime.cache.journal_key import journal_key, read_key
 from recipe_runtime.cache.store import Store, default_cache
@@ -40,6 +40,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder_identity
+from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.limits import check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
@@ -156,7 +157,7 @@ def _build(
     check_plan(dataset)
     check_readable(dataset)
     Workspace.settle(out)
-    manifest = read_manifest(out)
+    there, manifest = manifest_reader.stamp(out), read_manifest(out)
     stages.examined = examine(dataset, out, stages.progress) if repair else None
     damage = stages.examined.damage if stages.examined else ()
     readable = not repair or stages.examined is not None
@@ -175,7 +176,7 @@ def _build(
     trusted = not damage or earlier(store, out) is not None
     with (
         pruning.leased(store.root),
-        _workspace(dataset, out, journal_key(store.root), replace_other, stages.written) as work,
+        _workspace(dataset, out, journal_key(store.root), replace_other, stages.written, there) as work,
     ):
         counts, manifest = stages.run_all(work, out, files)
     if trusted:
@@ -210,8 +211,10 @@ def _workspace(
     key: bytes,
     replace: bool = False,
     written: Callable[[int], None] | None = None,
+    there: tuple[int, int, int] | None = None,
 ) -> Workspace:
-    return Workspace(out, {**head(dataset), "builder": builder_identity()}, replace=replace, key=key, written=written)
+    job: BuildJob = {**head(dataset), "builder": builder_identity()}
+    return Workspace(out, job, replace=replace, key=key, written=written, there=there)
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:

@@ -46,6 +46,7 @@ from recipe_runtime.core.files import (
     stamp_of,
     write_atomic,
 )
+from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import DAMAGE
 from recipe_runtime.dataset.manifest_types import ManifestHead
 from recipe_runtime.dataset.schedule import Shard, View
@@ -71,6 +72,7 @@ class Workspace:
         replace: whether another recipe's unfinished work may be discarded.
         key: the key of the seals of job and records (`cache.journal_key`). Work sealed with another key is not resumed.
         written: called with the bytes of files that are written or resumed.
+        there: the stamp of the dataset at `out` that may be replaced (`manifest_reader.stamp`).
     """
 
     def __init__(
@@ -81,8 +83,9 @@ class Workspace:
         replace: bool = False,
         key: bytes = b"",
         written: Callable[[int], None] | None = None,
+        there: tuple[int, int, int] | None = None,
     ) -> None:
-        self.out = out
+        self.out, self._there = out, there
         self._written = written or (lambda amount: None)
         self._recipe, self._replace = job and job["recipe"], replace
         seal = hmac.new(key, pretty(job).encode(), "sha256").digest()
@@ -212,8 +215,8 @@ class Workspace:
             files: the rows of all files of the dataset, by path.
 
         Raises:
-            InputError: meanwhile the existing dataset has received a file that is not its own; it stays, and nothing
-                is published.
+            InputError: meanwhile another dataset took the place of the existing one, or that received a file that is
+                not its own; it stays, and nothing is published.
             RunError: another program changed or removed a file since it was written; nothing is published.
         """
         with host_errors(str(self.out), _REMEDY):
@@ -234,7 +237,9 @@ class Workspace:
             self.out.rename(old)
         try:
             if os.path.lexists(old):
-                check_files(old, self.out)  # not before it is moved: other programs may add files until then
+                if manifest_reader.stamp(old) != self._there:  # not before it is moved: until then it may change
+                    raise InputError(f"{self.out} was written by another program during the build; build again")
+                check_files(old, self.out)
             self.dataset.rename(self.out)
         except BaseException:
             if os.path.lexists(old) and not os.path.lexists(self.out):

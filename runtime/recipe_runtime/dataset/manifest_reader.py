@@ -246,13 +246,13 @@ def not_replaced(root: Path, name: str) -> Iterator[None]:
     Raises:
         RunError: its manifest is another file when the context ends.
     """
-    before = _stamp(root)
+    before = stamp(root)
     try:
         yield
     except InputError:
-        if _stamp(root) == before:
+        if stamp(root) == before:
             raise
-    if _stamp(root) != before:
+    if stamp(root) != before:
         raise replaced(name)
 
 
@@ -261,7 +261,7 @@ def replaced(name: str) -> RunError:
     return RunError(f"{name} was replaced or changed while it was read; try again when nothing is written there")
 
 
-def _stamp(root: Path) -> tuple[int, int, int] | None:
+def stamp(root: Path) -> tuple[int, int, int] | None:
     """Return a value that changes if another manifest takes the place of that in a folder."""
     found = regular_file(root, layout.MANIFEST)
     return found and (found.st_ino, found.st_size, found.st_mtime_ns)

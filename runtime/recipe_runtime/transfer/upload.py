@@ -22,11 +22,12 @@ from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, RecipeError, RunError
 
 from recipe_runtime.core import layout, urls
-from recipe_runtime.core.files import file_sha256, regular_file, resolved
+from recipe_runtime.core.files import file_sha256, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.transfer import local_place
 from recipe_runtime.transfer.upload_journal import UNKNOWN, Rows, UploadJournal
 
 MARKER = ".recipe-upload.json"
@@ -80,7 +81,7 @@ class Target:
             self._fs, self._prefix = located(self._full)
         self.folder = Path(self._prefix) if "file" in self._fs.protocol else None
         if self.folder is not None:
-            _check_local_place(self.folder, root)
+            local_place.check_local_place(self.folder, root)
         with self._reported():
             self.existing = self._manifest()
         found = self._sizes()
@@ -116,8 +117,14 @@ class Target:
 
         Raises:
             InputError: the existing content is not a dataset or, unless `replace`, the dataset of another recipe.
-            RunError: the upload failed; the next one resumes it.
+            RunError: the upload failed, and the next one resumes it; or another one to this place runs or has run.
         """
+        if self.folder is None:
+            return self._put(progress, replace=replace)
+        with self._reported(), local_place.locked(self.folder):
+            return self._put(progress, replace=replace)
+
+    def _put(self, progress: Progress, *, replace: bool) -> Copied:
         root = self._root
         body = (root / layout.MANIFEST).read_bytes()
         manifest: Manifest = json.loads(body)
@@ -144,20 +151,24 @@ class Target:
             self._write_marker(canonical_bytes({"dataset": manifest["identity"], "copy": token}))
             if self.existing is not None:
                 self._fs.rm_file(self._at(layout.MANIFEST))
-            copied = self._send(root, rows, missing, journal, progress)
+            copied = self._send(token, rows, missing, journal, progress)
             for path in sorted(set(sizes) - set(rows) - _OWN):
                 self._fs.rm_file(self._at(path))
             self._remove_empty_folders()
-            if self._marker_token() != token:
-                raise RunError(
-                    f"{self.url}: another upload to this place ran at the same time; upload again when it has ended"
-                )
+            self._check_alone(token)
             self._write(layout.MANIFEST, body)
             self._fs.rm_file(self._at(MARKER))
         journal.close()
         return Copied(len(missing) - copied, copied, len(rows) - len(missing))
 
-    def _send(self, root: Path, rows: Rows, missing: list[str], journal: UploadJournal, progress: Progress) -> int:
+    def _check_alone(self, token: str) -> None:
+        """Raise RunError if another upload to this place began or ended since this one wrote its marker."""
+        if self._marker_token() != token:
+            raise RunError(
+                f"{self.url}: another upload to this place ran at the same time; upload again when it has ended"
+            )
+
+    def _send(self, token: str, rows: Rows, missing: list[str], journal: UploadJournal, progress: Progress) -> int:
         """Send missing files, each distinct content once, then copy the others within the store.
 
         Return the number of copies.
@@ -169,7 +180,9 @@ class Target:
         done = 0
         for batch in (list(firsts.values()), duplicates):
             with ThreadPoolExecutor(connections(self._fs)) as threads:
-                tasks = [threads.submit(self._place_file, root, path, firsts[rows[path]], rows[path]) for path in batch]
+                tasks = [
+                    threads.submit(self._place_file, token, path, firsts[rows[path]], rows[path]) for path in batch
+                ]
                 try:
                     for task in as_completed(tasks):
                         journal.record(*task.result())
@@ -183,11 +196,13 @@ class Target:
                     raise
         return len(duplicates)
 
-    def _place_file(self, root: Path, path: str, first: str, row: tuple[int, str]) -> tuple[str, tuple[int, str]]:
+    def _place_file(self, token: str, path: str, first: str, row: tuple[int, str]) -> tuple[str, tuple[int, str]]:
         """Send a file, or copy the equal file `first` within the store.
 
         Return the path and row of the file now in place.
         """
+        root = self._root
+        self._check_alone(token)  # for each file: a program that was suspended must not write over a newer upload
         if path != first:
             with suppress(NotImplementedError):  # some stores do not copy, and get the file again
                 self._prepare(path)
@@ -300,24 +315,6 @@ class Target:
 
     def _reported(self) -> AbstractContextManager[None]:
         return reported_errors(self._full, "try again: uploaded files are kept")
-
-
-def _check_local_place(place: Path, root: Path) -> None:
-    """Check that a dataset on a local disk may be copied to another folder there.
-
-    Raises:
-        InputError: the folder is that of the dataset, is in it or contains it, or is in another dataset. Files there
-            are removed before they are written again.
-    """
-    here, there = resolved(root), resolved(place)
-    same = there.exists() and here.exists() and there.samefile(here)  # also through a mount
-    if same or here.is_relative_to(there) or there.is_relative_to(here):
-        raise InputError(
-            f"{place} is not apart from {root}, where the dataset is built",
-            help="choose a folder outside of it, or build there without a URL",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
-    manifest_reader.check_outside_datasets(place)
 
 
 def scheme_of(url: str) -> str:

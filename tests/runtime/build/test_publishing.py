@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -89,6 +90,25 @@ def test_a_file_added_just_before_the_rename_is_kept(tmp_path: Path, monkeypatch
     assert (out / "notes.txt").read_text() == "mine"
     (out / "notes.txt").unlink()
     assert made(tmp_path).made_frames == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("there", [False, True])
+def test_a_dataset_that_arrives_during_the_build_is_not_replaced(tmp_path: Path, there: bool) -> None:
+    """Regression: what is at the place was examined before the work only."""
+    other = made(tmp_path / "other", dataset_plan(frames=1, weathers=1)).path
+    if there:
+        made(tmp_path, OLD)
+
+    def simulated(scene: ScenePlan) -> Trace:
+        shutil.rmtree(tmp_path / "tiny", ignore_errors=True)
+        shutil.copytree(other, tmp_path / "tiny")
+        return simulate(scene)
+
+    with pytest.raises(InputError, match="tiny was written by another program during the build"):
+        made(tmp_path, engines=replace(ENGINES, simulate=simulated))
+    assert tree(tmp_path / "tiny") == tree(other)
+    assert made(tmp_path).made_frames == 0  # the work is kept
 
 
 @pytest.mark.slow

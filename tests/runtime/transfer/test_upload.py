@@ -19,6 +19,7 @@ from recipe_runtime.build.pipeline import build
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read
+from recipe_runtime.transfer import local_place
 from recipe_runtime.transfer.upload import MARKER, Copied, Target
 from recipe_runtime.transfer.upload_journal import UploadJournal
 from recipe_runtime.verify.locking import lock
@@ -285,6 +286,36 @@ def test_an_upload_by_another_host_invalidates_the_journal_of_a_stopped_one(
 
 
 @pytest.mark.slow
+def test_an_upload_writes_no_file_over_one_of_a_newer_upload(
+    url: str, built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: an upload that was suspended went on, and broke a dataset that was complete."""
+    fs, prefix = fsspec.core.url_to_fs(url)
+    monkeypatch.setattr("recipe_runtime.transfer.upload._AT_ONCE", 1)
+    place_file, placed = Target._place_file, list[str]()
+
+    def counted(self: Target, token: str, path: str, *rest: Any) -> Any:
+        if len(placed) == 3:
+            fs.pipe_file(f"{prefix}/{MARKER}", b"{}")  # as another upload does
+        found = place_file(self, token, path, *rest)
+        placed.append(path)
+        return found
+
+    monkeypatch.setattr(Target, "_place_file", counted)
+    with pytest.raises(RunError, match="another upload to this place ran at the same time"):
+        put(url, built)
+    assert len(placed) == 3
+    assert set(remote_files(url)) == {*placed, MARKER}
+
+
+def test_two_uploads_to_one_folder_do_not_run_at_once(built: Path, tmp_path: Path) -> None:
+    place = tmp_path / "remote"
+    place.mkdir()
+    with local_place.locked(place), pytest.raises(RunError, match=r"another upload to .*remote is running"):
+        put(f"file://{place}", built)
+    assert put(f"file://{place}", built).sent
+
+
 def test_an_upload_to_a_local_dataset_does_not_write_through_hard_links(built: Path, tmp_path: Path) -> None:
     target = tmp_path / "remote" / "small"
     plan = dataset_plan()
