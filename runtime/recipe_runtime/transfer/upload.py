@@ -134,7 +134,7 @@ class Target:
             self.check_replaceable(manifest["recipe"])
         rows, sizes = listed_files(manifest), self._sizes()
         if not replace:
-            self._check_lockfile(manifest, rows)
+            self._check_recipe_kept(manifest, rows)
         if self.existing == manifest and self._is_complete(rows, sizes):
             self._remove_empty_folders()
             return Copied(0, 0, len(rows))
@@ -251,14 +251,20 @@ class Target:
         with suppress(FileNotFoundError):
             self._fs.rm_file(self._at(path))
 
-    def _check_lockfile(self, manifest: Manifest, rows: Rows) -> None:
-        """Raise InputError if the place has a lockfile of this plan, which the dataset lacks: the only copy."""
-        path, there = layout.recipe_lockfile(manifest["recipe"]), self.existing
-        equal = there is not None and there["plan"] == manifest["plan"]
-        if there is not None and equal and path in listed_files(there) and path not in rows:
+    def _check_recipe_kept(self, manifest: Manifest, rows: Rows) -> None:
+        """Raise InputError if the place has a lockfile or the recipe of this plan, which the dataset lacks."""
+        if self.existing is None or self.existing["plan"] != manifest["plan"]:
+            return
+        lockfile, there = (
+            layout.recipe_lockfile(manifest["recipe"]),
+            filter(layout.is_recipe_file, self.existing["files"]),
+        )
+        has_recipe = any(map(layout.is_recipe_file, rows))
+        lost = next((path for path in there if path not in rows and (path == lockfile or not has_recipe)), None)
+        if lost is not None:
             raise InputError(
-                f"{self.url} has a lockfile, {path}, which {self._root} lacks, and which would be removed",
-                help="copy the lockfile to the recipe and build into another folder, or replace it",
+                f"{self.url} has {lost}, which {self._root} lacks, and which would be removed",
+                help="copy it to the recipe and build into another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
 

@@ -106,11 +106,23 @@ def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(
         (made["without"] / "manifest.json").write_text(json.dumps(manifest | {"identity": "other"}))
     before = remote_files(url)
     assert layout.recipe_lockfile(plan.recipe) in before
-    with pytest.raises(InputError, match="has a lockfile"):
+    with pytest.raises(InputError, match=r"has recipe/lockfiles/small\.lock, which .* lacks"):
         put(url, made["without"])
     assert remote_files(url) == before
     Target(url, made["without"]).put(lambda *_: None, replace=True)
     assert remote_files(url) == local(made["without"])
+
+
+def test_the_recipe_of_a_published_dataset_is_not_removed_unless_replaced(url: str, tmp_path: Path) -> None:
+    """A build with `--only-locked` has no recipe of its plan if the recipe has further variants."""
+    plan, cache = dataset_plan(frames=2, weathers=1), tmp_path / "cache"
+    files = RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: small\n"})
+    whole = build(plan, tmp_path / "a" / "small", workers=0, cache=cache, engines=ENGINES, recipe_files=files).path
+    bare = build(plan, tmp_path / "b" / "small", workers=0, cache=cache, engines=ENGINES).path
+    put(url, whole)
+    with pytest.raises(InputError, match=r"has recipe/tiny\.yaml, which .* lacks"):
+        put(url, bare)
+    assert remote_files(url) == local(whole)
 
 
 def with_files(root: Path, files: dict[str, bytes]) -> dict[str, bytes]:
