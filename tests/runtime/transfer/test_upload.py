@@ -106,7 +106,7 @@ def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(
         (made["without"] / "manifest.json").write_text(json.dumps(manifest | {"identity": "other"}))
     before = remote_files(url)
     assert layout.recipe_lockfile(plan.recipe) in before
-    with pytest.raises(InputError, match=r"has recipe/lockfiles/small\.lock, which .* lacks"):
+    with pytest.raises(InputError, match=r"has recipe/lockfiles/tiny\.lock, which .* lacks"):
         put(url, made["without"])
     assert remote_files(url) == before
     Target(url, made["without"]).put(lambda *_: None, replace=True)
