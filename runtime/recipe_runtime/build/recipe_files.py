@@ -109,13 +109,14 @@ class RecipeFiles:
             if not intact:
                 raise _lost(out, path, "which differs from its digest in the manifest")
             return replace(self, only_lock=not replaced)
-        if not replaced and (self.lock is None or not self.lock.sealed or self.lock.plan != plan.digest):
+        if not replaced:
             try:
                 there = lockfile.read(out / path, plan)
             except InputError:
                 return self
-            if there.sealed and there.plan == plan.digest:
-                raise _lost(out, path, f"which {self.recipe} lacks")
+            copied = self.lock is not None and self.lock.sealed and self.lock.identity == there.identity
+            if there.sealed and there.plan == plan.digest and not copied:
+                raise _lost(out, path, f"of {there.identity}, which {self.recipe} lacks")
         return self
 
     def check_lock_kept(self, out: Path, identity: str) -> None:

@@ -93,11 +93,16 @@ def publish(work: Path, out: Path, is_replaceable: Callable[[Path], bool] | None
         is_replaceable: Returns whether a folder still contains only the export to replace; None if there is none.
 
     Raises:
-        InputError: The export to replace has other files by now; it stays.
+        InputError: The export to replace has other files by now, or another program has made a folder there; all stay.
         OSError: The host cannot rename a folder; the old export stays.
     """
     if is_replaceable is None:
-        work.rename(out)
+        try:
+            work.rename(out)
+        except OSError:
+            if not os.path.lexists(out):
+                raise
+            raise _made_meanwhile(out, "export again") from None
     else:
         aside = _aside(out)
         aside.mkdir(exist_ok=True)
@@ -230,14 +235,25 @@ def _is_aside(aside: Path) -> bool:
 
 
 def _settle(aside: Path, out: Path) -> None:
-    """Move a replaced export back if nothing is in its place, else remove it; the marker goes last."""
+    """Move a replaced export back if nothing is in its place, or remove it if the new one is; the marker goes last.
+
+    Raises:
+        InputError: A folder is in its place that another program made; both stay.
+    """
     if is_folder(aside / _REPLACED):
         if not os.path.lexists(out):
             (aside / _REPLACED).rename(out)
-        else:
+        elif regular_file(out, MARKER) is not None:  # of the new export, until the end
             remove_tree(aside / _REPLACED)
+        else:
+            raise _made_meanwhile(out, f"move it away and {aside / _REPLACED} back, then export again")
     (aside / MARKER).unlink(missing_ok=True)
     aside.rmdir()
+
+
+def _made_meanwhile(out: Path, remedy: str) -> InputError:
+    message = f"{out} was made by another program during the export"
+    return InputError(message, help=f"{remedy}, or choose another folder", code=Code.OUTPUT_IN_THE_WAY)
 
 
 @contextmanager

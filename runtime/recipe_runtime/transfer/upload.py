@@ -252,19 +252,17 @@ class Target:
             self._fs.rm_file(self._at(path))
 
     def _check_recipe_kept(self, manifest: Manifest, rows: Rows) -> None:
-        """Raise InputError if the place has a lockfile or the recipe of this plan, which the dataset lacks."""
+        """Raise InputError if the place has a lockfile of another identity or the recipe, both of this plan."""
         if self.existing is None or self.existing["plan"] != manifest["plan"]:
             return
-        lockfile, there = (
-            layout.recipe_lockfile(manifest["recipe"]),
-            filter(layout.is_recipe_file, self.existing["files"]),
-        )
-        has_recipe = any(map(layout.is_recipe_file, rows))
-        lost = next((path for path in there if path not in rows and (path == lockfile or not has_recipe)), None)
+        lockfile, files = layout.recipe_lockfile(manifest["recipe"]), self.existing["files"]
+        lost = None if any(map(layout.is_recipe_file, rows)) else next(filter(layout.is_recipe_file, files), None)
+        if lockfile in files and (lockfile not in rows or self.existing["identity"] != manifest["identity"]):
+            lost = lockfile
         if lost is not None:
             raise InputError(
-                f"{self.url} has {lost}, which {self._root} lacks, and which would be removed",
-                help="copy it to the recipe and build into another folder, or replace it",
+                f"{self.url} has {lost} of {self.existing['identity']}, which would be removed",
+                help="keep a copy of it and replace the dataset there, or choose another place",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
 

@@ -229,6 +229,36 @@ def test_files_added_during_an_export_are_not_removed(built: Dataset, tmp_path: 
     assert not list(tmp_path.glob(".out*"))
 
 
+@pytest.mark.parametrize("there", [False, True])
+def test_a_folder_made_by_another_program_at_the_end_of_an_export_is_kept(
+    built: Dataset, tmp_path: Path, there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: the old export was deleted, with what the other program had written into it."""
+    out = tmp_path / "out"
+    if there:
+        exported(built, out)
+        (tmp_path / ".out.replaced").mkdir()
+    rename = Path.rename
+
+    def renamed(path: Path, target: Path) -> Path:
+        if target == out:
+            out.mkdir()
+            (out / "model.pt").write_text("mine")
+        return rename(path, target)
+
+    with monkeypatch.context() as patch, pytest.raises(InputError, match="out was made by another program"):
+        patch.setattr(Path, "rename", renamed)
+        shards.webdataset(built, out, lambda *_: None, 100_000, replace=True)
+    assert (out / "model.pt").read_text() == "mine"
+    assert there == (tmp_path / ".out.replaced" / "export" / shards.INDEX).exists()
+    if there:
+        with pytest.raises(InputError, match=r"made by another program.*move it away and \S+export back"):
+            exported(built, out)
+        shutil.rmtree(out)
+        exported(built, out)
+    assert not list(tmp_path.glob(".out*"))
+
+
 def test_the_work_folder_of_the_next_export_is_not_removed(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with export_folder.work_folder(out, lambda _: True) as work:

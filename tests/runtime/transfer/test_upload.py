@@ -106,7 +106,7 @@ def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(
         (made["without"] / "manifest.json").write_text(json.dumps(manifest | {"identity": "other"}))
     before = remote_files(url)
     assert layout.recipe_lockfile(plan.recipe) in before
-    with pytest.raises(InputError, match=r"has recipe/lockfiles/tiny\.lock, which .* lacks"):
+    with pytest.raises(InputError, match=r"has recipe/lockfiles/tiny\.lock of .*, which would be removed"):
         put(url, made["without"])
     assert remote_files(url) == before
     Target(url, made["without"]).put(lambda *_: None, replace=True)
@@ -120,7 +120,7 @@ def test_the_recipe_of_a_published_dataset_is_not_removed_unless_replaced(url: s
     whole = build(plan, tmp_path / "a" / "small", workers=0, cache=cache, engines=ENGINES, recipe_files=files).path
     bare = build(plan, tmp_path / "b" / "small", workers=0, cache=cache, engines=ENGINES).path
     put(url, whole)
-    with pytest.raises(InputError, match=r"has recipe/tiny\.yaml, which .* lacks"):
+    with pytest.raises(InputError, match=r"has recipe/tiny\.yaml of .*, which would be removed"):
         put(url, bare)
     assert remote_files(url) == local(whole)
 
