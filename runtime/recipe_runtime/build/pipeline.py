@@ -168,7 +168,7 @@ def _build(
     provenance.check_outside(out, manifest, dataset, source, files, sources.used)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
-        provenance.check_recipe_kept(out, manifest, dataset, files)
+        provenance.check_recipe_kept(out, manifest, dataset, source, files, repaired=repair)
     if manifest is not None and files is not None:
         used = sources.used
         files = files.in_place_of(out, manifest, dataset, used, repaired=repair, replaced=replace_other)

@@ -9,6 +9,7 @@ dataset copied to that place from elsewhere has no recorded recipe.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Collection
@@ -23,7 +24,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import resolved, write_atomic
+from recipe_runtime.core.files import has_content, regular_file, resolved, write_atomic
 from recipe_runtime.dataset.manifest_types import Manifest
 
 _FORMAT = "recipe/source/1"
@@ -90,20 +91,48 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
         )
 
 
-def check_recipe_kept(out: Path, manifest: Manifest | None, plan: DatasetPlan, files: RecipeFiles | None) -> None:
-    """Check that a dataset to be replaced by one of the same plan does not lose its recipe.
+def check_recipe_kept(
+    out: Path,
+    manifest: Manifest | None,
+    plan: DatasetPlan,
+    source: Path | None,
+    files: RecipeFiles | None,
+    *,
+    repaired: bool,
+) -> None:
+    """Check that a dataset to be replaced by one of the same plan does not lose its recipe, or changes of it.
+
+    Args:
+        out: the dataset's folder.
+        manifest: its manifest; None if there is no dataset.
+        plan: the plan to build.
+        source: the recipe's file; None if the caller has only a plan.
+        files: the recipe's files, which the new dataset contains; None: none.
+        repaired: whether files that differ from the manifest are damage to repair.
 
     Raises:
-        InputError: it has a recipe, and `files`, the recipe's files that the new dataset holds, are None.
+        InputError: a file would be lost. A file that the recorded recipe's build wrote may be replaced.
     """
-    if files is not None or manifest is None or manifest.get("plan") != plan.digest:
+    if manifest is None or manifest.get("plan") != plan.digest:
         return
-    if any(map(layout.is_recipe_file, manifest["files"])):
-        raise InputError(
-            f"{out} has the recipe of this plan, which would be removed",
-            help="build its own recipe, or choose another folder, or replace it",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
+    own = files is not None and (source is None or _recorded(out, manifest) == _from(out, source))
+    new = files.contents(plan.recipe, "") if files else {}
+    for path, row in manifest["files"].items():
+        if not layout.is_recipe_file(path) or path == layout.recipe_lockfile(plan.recipe):
+            continue
+        if regular_file(out, path) is None:
+            continue
+        body = new.get(path)
+        if body is not None and has_content(out, path, len(body), hashlib.sha256(body).hexdigest()):
+            continue
+        intact = has_content(out, path, row["size"], row["sha256"])
+        if not (own if intact else repaired):
+            what = "was changed after the build" if not intact else "is not this recipe's"
+            raise InputError(
+                f"{out / path} {what}, and would be {'removed' if body is None else 'replaced'}",
+                help="copy it, and build in another folder, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
 
 
 def check_outside(

@@ -263,11 +263,45 @@ def test_a_build_without_the_recipe_does_not_remove_it(copied: Path, tmp_path: P
     """`--only-locked` has no recipe of the dataset's plan once the recipe has further variants."""
     next(copied.rglob("*.png")).unlink()
     before = tree(copied)
-    with pytest.raises(InputError, match="has the recipe of this plan, which would be removed"):
+    with pytest.raises(InputError, match="is not this recipe's, and would be removed"):
         build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES)
     assert tree(copied) == before
     build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, replace=True)
     assert not (copied / "recipe").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", ["edited", "name"])
+def test_a_recipe_in_a_dataset_is_not_lost_to_another_of_its_plan(copied: Path, tmp_path: Path, change: str) -> None:
+    """Its text and its name are part of no plan."""
+    cache, source, path = tmp_path / "cache", tmp_path / "own.yaml", copied / "recipe/recipe.yaml"
+    if change == "edited":
+        path.write_bytes(FILES["recipe.yaml"] + b"# my notes\n")
+    own = "own.yaml" if change == "name" else "recipe.yaml"
+    files = {own if name == "recipe.yaml" else name: body for name, body in FILES.items()}
+    locked = lockfile.read(copied / "recipe/lockfiles/assets.lock")
+    next(copied.rglob("*.png")).unlink()
+    before = tree(copied)
+
+    def again(replaced: bool) -> BuildResult:
+        return build(
+            COMPILED.plan,
+            copied,
+            workers=0,
+            cache=cache,
+            engines=ENGINES,
+            recipe_files=RecipeFiles(own, files, locked),
+            source=source,
+            replace=replaced,
+        )
+
+    with pytest.raises(InputError, match=r"recipe/recipe\.yaml (was changed|is not this recipe's)"):
+        again(False)
+    assert tree(copied) == before
+    assert (again(True).path / "recipe" / own).read_bytes() == FILES["recipe.yaml"]
+    next(copied.rglob("*.png")).unlink()
+    files[own] += b"# a comment\n"  # of the recorded recipe
+    assert again(False).built
 
 
 def changed_lock(copied: Path, listed: bool, **values: Any) -> Path:
