@@ -113,7 +113,7 @@ class RecipeFiles:
             try:
                 there = lockfile.read(out / path, plan)
             except InputError:
-                return self
+                raise _lost(out, path, "which cannot be read") from None
             copied = self.lock is not None and self.lock.sealed and self.lock.identity == there.identity
             if there.sealed and there.plan == plan.digest and not copied:
                 raise _lost(out, path, f"of {there.identity}, which {self.recipe} lacks")

@@ -33,6 +33,7 @@ from recipe_runtime.transfer.export_folder import (
     check_destination,
     holds_files,
     ignore_bytes,
+    index_stamp,
     is_empty,
     publish,
     read_index,
@@ -89,7 +90,7 @@ def export_layout(
     out = check_destination(out)
     with host_errors(str(out), _REMEDY):
         recover(out)
-    known = _read_index(out, dataset)
+    there, known = index_stamp(out, INDEX), _read_index(out, dataset)
     made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
     if known is not None and _made_from(known) == made_from and _is_complete(out, known, dataset):
         return known
@@ -110,7 +111,7 @@ def export_layout(
         progress("export", len(sequences), len(sequences))
         index = cast("LayoutIndex", {"format": _FORMAT, **made_from, "files": dict(sorted(files.items()))})
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-        publish(work, out, None if known is None else lambda folder: _has_only(folder, known))
+        publish(work, out, None if known is None else lambda old: _is_export(old, known, there))
     return index
 
 
@@ -198,6 +199,11 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
             help="choose another folder, or replace it",
             code=Code.OUTPUT_IN_THE_WAY,
         )
+
+
+def _is_export(folder: Path, index: LayoutIndex, stamp: str | None) -> bool:
+    """Return whether a folder contains the export of an index, read when its file had that stamp, and nothing else."""
+    return index_stamp(folder, INDEX) == stamp and _has_only(folder, index)
 
 
 def _has_only(folder: Path, index: LayoutIndex) -> bool:

@@ -35,6 +35,7 @@ from recipe_runtime.transfer.export_folder import (
     check_destination,
     holds_files,
     ignore_bytes,
+    index_stamp,
     is_empty,
     publish,
     read_index,
@@ -125,7 +126,7 @@ def webdataset(
     out = check_destination(out)
     with host_errors(str(out), _REMEDY):
         recover(out)
-    known = _index_of(out, dataset)
+    there, known = index_stamp(out, INDEX), _index_of(out, dataset)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
     if known is not None and same and _is_complete(out, known, dataset):
         return known
@@ -151,7 +152,7 @@ def webdataset(
             "shards": rows,
         }
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-        publish(work, out, None if known is None else lambda folder: not _has_other_files(folder, known))
+        publish(work, out, None if known is None else lambda old: _is_export(old, known, there))
     return index
 
 
@@ -250,6 +251,11 @@ def damaged_file(dataset: Dataset, what: str) -> InputError:
 
 def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
     return work / f"{dataset.plan.recipe}-{number:06d}.tar"
+
+
+def _is_export(folder: Path, index: ExportIndex, stamp: str | None) -> bool:
+    """Return whether a folder contains the export of an index, read when its file had that stamp, and nothing else."""
+    return index_stamp(folder, INDEX) == stamp and not _has_other_files(folder, index)
 
 
 def _has_other_files(out: Path, index: ExportIndex) -> bool:

@@ -155,7 +155,7 @@ class Target:
             for path in sorted(set(sizes) - set(rows) - _OWN):
                 self._fs.rm_file(self._at(path))
             self._remove_empty_folders()
-            self._check_alone(token)
+            self._check_alone("" if self._fs.exists(self._at(layout.MANIFEST)) else token)
             self._write(layout.MANIFEST, body)
             self._fs.rm_file(self._at(MARKER))
         journal.close()

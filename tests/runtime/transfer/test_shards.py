@@ -259,6 +259,23 @@ def test_a_folder_made_by_another_program_at_the_end_of_an_export_is_kept(
     assert not list(tmp_path.glob(".out*"))
 
 
+def test_an_export_that_arrives_during_an_export_is_not_replaced(built: Dataset, tmp_path: Path) -> None:
+    """Regression: only its file names were compared, which are those of every export of the dataset."""
+    out, arrived = tmp_path / "out", tmp_path / "arrived"
+    exported(built, out)
+    exported(built, arrived)
+    before = tree(arrived)
+
+    def swap(stage: str, done: int, total: int) -> None:
+        if arrived.exists():
+            shutil.rmtree(out)
+            arrived.rename(out)
+
+    with pytest.raises(InputError, match="was changed during the export"):
+        shards.webdataset(built, out, swap, 100_000, replace=True)
+    assert tree(out) == before
+
+
 def test_the_work_folder_of_the_next_export_is_not_removed(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with export_folder.work_folder(out, lambda _: True) as work:

@@ -320,6 +320,23 @@ def test_an_upload_writes_no_file_over_one_of_a_newer_upload(
     assert set(remote_files(url)) == {*placed, MARKER}
 
 
+def test_a_dataset_copied_to_the_place_of_an_upload_is_noticed(
+    url: str, built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: its manifest was overwritten, and the mixed copy was reported as complete."""
+    fs, prefix = fsspec.core.url_to_fs(url)
+    remove = Target._remove_empty_folders
+
+    def removed(self: Target) -> None:
+        remove(self)
+        fs.pipe_file(f"{prefix}/manifest.json", b"{}")
+
+    monkeypatch.setattr(Target, "_remove_empty_folders", removed)
+    with pytest.raises(RunError, match="another upload to this place ran at the same time"):
+        put(url, built)
+    assert remote_files(url)["manifest.json"] == b"{}"
+
+
 def test_two_uploads_to_one_folder_do_not_run_at_once(built: Path, tmp_path: Path) -> None:
     place = tmp_path / "remote"
     place.mkdir()
