@@ -65,8 +65,10 @@ def bounded_memory(what: str) -> Iterator[None]:
         InputError: the block takes more memory.
     """
     before = resource.getrlimit(resource.RLIMIT_DATA)
-    most = None if _memory is None else _data_bytes() + _memory
-    if most is None or any(limit != resource.RLIM_INFINITY and limit <= most for limit in before):
+    used = _data_bytes()
+    most = (_memory or 0) + (used or 0)
+    is_host_lower = any(limit != resource.RLIM_INFINITY and limit <= most for limit in before)
+    if _memory is None or used is None or is_host_lower:
         yield
         return
     failed = False
@@ -81,10 +83,10 @@ def bounded_memory(what: str) -> Iterator[None]:
         raise InputError(f"{what} takes too much memory to read: over {_memory:,} bytes", code=Code.INPUT_LIMIT)
 
 
-def _data_bytes() -> int:
-    """Return the bytes of private writable memory of this process; 0 where the host does not report them."""
+def _data_bytes() -> int | None:
+    """Return the bytes of private writable memory of this process; None if the host does not report them."""
     try:
         lines = Path("/proc/self/status").read_bytes().splitlines()
     except OSError:
-        return 0
+        return None
     return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith(b"VmData:"))

@@ -56,9 +56,17 @@ def test_the_bound_of_the_outer_block_stays() -> None:
 
 def test_a_failure_within_the_limits_of_the_host_is_no_fault_of_the_document(monkeypatch: pytest.MonkeyPatch) -> None:
     used = bounded_reads._data_bytes()
+    assert used is not None
     monkeypatch.setattr(resource, "getrlimit", lambda _: (used + SIZE // 2, resource.RLIM_INFINITY))
     with pytest.raises(MemoryError), bounded_memory("x"):
         raise MemoryError
+
+
+def test_a_host_that_does_not_report_its_memory_has_no_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bound would apply to all memory of the process, and refuse valid documents."""
+    monkeypatch.setattr(bounded_reads, "_data_bytes", lambda: None)
+    with bounded_memory("x"):
+        assert len(too_much()) == 2 * SIZE
 
 
 def test_every_reader_of_documents_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
