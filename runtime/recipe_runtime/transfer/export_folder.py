@@ -26,7 +26,6 @@ from recipe_runtime.core.files import (
     plain_path,
     regular_file,
     remove_tree,
-    stamp_of,
 )
 from recipe_runtime.dataset.json_stream import JsonStream
 from recipe_runtime.dataset.limits import byte_count
@@ -192,12 +191,6 @@ def _row(value: object, path: str, left: list[int]) -> object:
     if min(left) < 0 or not isinstance(parts, list) or not all(isinstance(part, int | str) for part in parts):
         raise ValueError("it has more rows than an index, or others")
     return value
-
-
-def index_stamp(out: Path, name: str) -> str | None:
-    """Return a value that changes if another index takes the place of that in a folder; None if there is none."""
-    found = regular_file(out, name)
-    return found and stamp_of(found)
 
 
 def holds_files(out: Path, rows: Iterable[tuple[str, int, str]], dataset: Dataset) -> bool:

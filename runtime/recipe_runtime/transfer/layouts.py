@@ -26,6 +26,7 @@ from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import entries_below, host_errors, is_folder
 from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset.manifest_reader import stamp
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.transfer import armory
@@ -33,7 +34,6 @@ from recipe_runtime.transfer.export_folder import (
     check_destination,
     holds_files,
     ignore_bytes,
-    index_stamp,
     is_empty,
     publish,
     read_index,
@@ -90,7 +90,7 @@ def export_layout(
     out = check_destination(out)
     with host_errors(str(out), _REMEDY):
         recover(out)
-    there, known = index_stamp(out, INDEX), _read_index(out, dataset)
+    there, known = stamp(out, INDEX), _read_index(out, dataset)
     made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
     if known is not None and _made_from(known) == made_from and _is_complete(out, known, dataset):
         return known
@@ -201,9 +201,9 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
         )
 
 
-def _is_export(folder: Path, index: LayoutIndex, stamp: str | None) -> bool:
-    """Return whether a folder contains the export of an index, read when its file had that stamp, and nothing else."""
-    return index_stamp(folder, INDEX) == stamp and _has_only(folder, index)
+def _is_export(folder: Path, index: LayoutIndex, before: tuple[int, int, int] | None) -> bool:
+    """Return whether a folder contains only the export of an index, whose file had the stamp `before`."""
+    return stamp(folder, INDEX) == before and _has_only(folder, index)
 
 
 def _has_only(folder: Path, index: LayoutIndex) -> bool:

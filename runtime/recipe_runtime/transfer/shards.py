@@ -29,13 +29,13 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.core import codecs, layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset.manifest_reader import stamp
 from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.transfer.export_folder import (
     MARKER,
     check_destination,
     holds_files,
     ignore_bytes,
-    index_stamp,
     is_empty,
     publish,
     read_index,
@@ -126,7 +126,7 @@ def webdataset(
     out = check_destination(out)
     with host_errors(str(out), _REMEDY):
         recover(out)
-    there, known = index_stamp(out, INDEX), _index_of(out, dataset)
+    there, known = stamp(out, INDEX), _index_of(out, dataset)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
     if known is not None and same and _is_complete(out, known, dataset):
         return known
@@ -253,9 +253,9 @@ def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
     return work / f"{dataset.plan.recipe}-{number:06d}.tar"
 
 
-def _is_export(folder: Path, index: ExportIndex, stamp: str | None) -> bool:
-    """Return whether a folder contains the export of an index, read when its file had that stamp, and nothing else."""
-    return index_stamp(folder, INDEX) == stamp and not _has_other_files(folder, index)
+def _is_export(folder: Path, index: ExportIndex, before: tuple[int, int, int] | None) -> bool:
+    """Return whether a folder contains only the export of an index, whose file had the stamp `before`."""
+    return stamp(folder, INDEX) == before and not _has_other_files(folder, index)
 
 
 def _has_other_files(out: Path, index: ExportIndex) -> bool:
