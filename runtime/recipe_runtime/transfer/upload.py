@@ -155,7 +155,9 @@ class Target:
             for path in sorted(set(sizes) - set(rows) - _OWN):
                 self._fs.rm_file(self._at(path))
             self._remove_empty_folders()
-            self._check_alone("" if self._fs.exists(self._at(layout.MANIFEST)) else token)
+            self._check_alone(token)
+            if self._fs.exists(self._at(layout.MANIFEST)):
+                raise self._overtaken()
             self._write(layout.MANIFEST, body)
             self._fs.rm_file(self._at(MARKER))
         journal.close()
@@ -164,9 +166,11 @@ class Target:
     def _check_alone(self, token: str) -> None:
         """Raise RunError if another upload to this place began or ended since this one wrote its marker."""
         if self._marker_token() != token:
-            raise RunError(
-                f"{self.url}: another upload to this place ran at the same time; upload again when it has ended"
-            )
+            raise self._overtaken()
+
+    def _overtaken(self) -> RunError:
+        message = "another upload to this place ran at the same time; upload again when it has ended"
+        return RunError(f"{self.url}: {message}")
 
     def _send(self, token: str, rows: Rows, missing: list[str], journal: UploadJournal, progress: Progress) -> int:
         """Send missing files, each distinct content once, then copy the others within the store.
@@ -252,7 +256,7 @@ class Target:
             self._fs.rm_file(self._at(path))
 
     def _check_recipe_kept(self, manifest: Manifest, rows: Rows) -> None:
-        """Raise InputError if the place has a lockfile of another identity or the recipe, both of this plan."""
+        """Raise InputError if the upload would remove a recipe of the same plan, or a lockfile of another identity."""
         if self.existing is None or self.existing["plan"] != manifest["plan"]:
             return
         lockfile, files = layout.recipe_lockfile(manifest["recipe"]), self.existing["files"]
