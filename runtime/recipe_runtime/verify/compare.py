@@ -119,10 +119,11 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
     found += tool_faults(lock)
     agreed = {name: row for name, row in digests.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
     if len(agreed) == len(plan.variants) == len(lock.variants):
+        has_bodies = bool(lock.bodies or lock.files)  # a manifest has neither
         kinds = (
             ("stage", set(STAGES), set(lock.stages)),
             ("trace", {v.scene.digest for v in plan.variants}, set(lock.traces)),
-            ("body", _body_keys(plan) if lock.bodies else set(), set(lock.bodies)),  # a manifest has none
+            ("body", _body_keys(plan) if has_bodies else set(), set(lock.bodies)),
             ("frame", set(digests.frame_keys(plan)), set(lock.frames)),
         )
         for kind, ours, theirs in kinds:

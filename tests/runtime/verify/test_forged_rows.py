@@ -132,6 +132,13 @@ def test_forged_checkpoints_of_a_body_fail(locked: Lockfile) -> None:
         assert (report.verdict, report.stage) == ("FAIL", "trace")
 
 
+def test_a_lockfile_without_its_rows_of_bodies_fails(locked: Lockfile) -> None:
+    """It could not tell which frames agree on a host with other motion."""
+    report = check(replace(locked, files={"tiny.yaml": "0" * 64}, bodies={}))
+    assert (report.verdict, report.stage) == ("FAIL", "lockfile")
+    assert f"lacks {len(locked.bodies)} body rows" in report.differences[0].message
+
+
 @pytest.mark.slow
 def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile, copy: Path) -> None:
     path = "recipe/lockfiles/tiny.lock"
@@ -162,7 +169,7 @@ def test_a_locked_trace_that_does_not_fit_its_scene_fails(locked: Lockfile, faul
         locked,
         traces={**locked.traces, scene.digest: trace.digest},
         tools={**locked.tools, "glibc": "2.99"},
-        bodies={},
+        bodies={key: replace(motion, digest="0" * 64) for key, motion in locked.bodies.items()},
     )
     report = check(forged, traces={scene.digest: trace})
     assert (report.verdict, report.stage) == ("FAIL", "trace")
