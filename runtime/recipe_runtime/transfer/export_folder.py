@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -74,14 +73,14 @@ def work_folder(out: Path, is_leftover: Callable[[Path], bool]) -> Iterator[Path
     with _locked(work, out) as handle:
         (work / MARKER).touch()
         try:
-            for path in sorted(work.iterdir()):
-                if path.name != MARKER:
-                    remove_tree(path)
+            _remove_content(work)
             yield work
         finally:
             if _is_at(handle, work):  # else it was published, and a folder there is the next export's
-                with suppress(RecursionError):  # from folders nested deeply, which no export makes
-                    shutil.rmtree(work, ignore_errors=True)
+                with suppress(OSError, InputError):
+                    _remove_content(work)
+                    (work / MARKER).unlink()
+                    work.rmdir()
 
 
 def publish(work: Path, out: Path, is_replaceable: Callable[[Path], bool] | None) -> None:
@@ -220,6 +219,13 @@ def _is_work_folder(work: Path, is_leftover: Callable[[Path], bool]) -> bool:
     """Return whether a folder is empty, or contains only the marker and leftovers."""
     found = sorted(work.iterdir()) if is_folder(work) else [work]
     return not found or (regular_file(work, MARKER) is not None and is_leftover(work))
+
+
+def _remove_content(work: Path) -> None:
+    """Remove everything but the marker, by which the next export recognises the folder if this one is killed."""
+    for path in sorted(work.iterdir()):
+        if path.name != MARKER:
+            remove_tree(path)
 
 
 def _aside(out: Path) -> Path:

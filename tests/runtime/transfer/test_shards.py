@@ -287,6 +287,26 @@ def test_the_work_folder_of_the_next_export_is_not_removed(tmp_path: Path) -> No
     assert (work / "shard").read_text() == "second"
 
 
+def test_a_work_folder_whose_removal_was_interrupted_is_used_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The marker was removed in the order of the host's listing; the next export refused the rest of the folder."""
+
+    def interrupt(path: Path) -> None:
+        raise KeyboardInterrupt(path)
+
+    def export(body: Callable[[Path], object]) -> None:
+        with export_folder.work_folder(tmp_path / "out", lambda _: True) as work:
+            body(work)
+
+    with pytest.raises(KeyboardInterrupt), monkeypatch.context() as patched:
+        patched.setattr(export_folder, "remove_tree", interrupt)
+        export(lambda work: (work / "shard").write_text("first"))
+    assert {path.name for path in (tmp_path / ".out.export").iterdir()} == {MARKER, "shard"}
+    export(lambda work: None)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_foreign_folder_in_place_of_a_replaced_export_is_refused(built: Dataset, tmp_path: Path) -> None:
     (tmp_path / ".out.replaced" / "export").mkdir(parents=True)
     (tmp_path / ".out.replaced" / "export" / "thesis.tex").write_text("precious")
