@@ -21,6 +21,7 @@ _PARAMETERS = re.compile(
     r";[^;?#]*?=(?:(?!::[A-Za-z][A-Za-z0-9+.-]*:/).)*"
 )  # `;sig=...`, up to a URL that is chained to this one
 _ALL_PARAMETERS = re.compile(r";[^;?#]*?=.*")  # with what looks like a chained URL, which may be a part of a secret
+_DELIMITERS = re.compile(r"[]/?#@:[]")
 _PATHS = {"file", "local"}  # URLs of these are paths alone
 _END = "'\"`:;,.)]}>"  # punctuation of the sentence around a URL
 _PORTS = {"http", "https", "ftp", "ftps", "sftp", "ssh", "smb", "hdfs", "webhdfs", "memory"}  # `host:21`, not `key:21`
@@ -101,5 +102,6 @@ def _secrets(url: str) -> set[str]:
         values = [value for pair in place.partition("?")[2].split("&") for value in (pair.partition("=")[2], pair)]
         values += [text for name, _, value in parameters for text in (value, f"{name}={value}") if value]
         found |= {password or "", fragment, *values} | ({user} if password is None else set())
+        found |= set(_DELIMITERS.split(password or ""))  # libraries quote a part of a URL, up to one of these
     found |= {unquote(secret) for secret in found}
     return {secret for secret in found if len(secret) >= _MIN_SECRET}

@@ -89,6 +89,15 @@ def test_no_part_of_a_password_is_shown(secret: str, scheme: str) -> None:
     assert secret not in urls.without_secrets(message, url)
 
 
+@pytest.mark.parametrize("delimiter", "/?#@:[]")
+@pytest.mark.parametrize("scheme", ["s3", "ftp"])
+def test_the_part_of_a_password_that_a_library_quotes_is_masked(scheme: str, delimiter: str) -> None:
+    """Libraries split a URL at these characters, and quote the first part: "invalid bucket name 'KEY:wJalr'"."""
+    url = f"{scheme}://KEY:wJalr{delimiter}XUtn@bucket/name"
+    text = urls.without_secrets("invalid bucket name 'KEY:wJalr'; the path is 'XUtn'", url)
+    assert text == "invalid bucket name 'KEY:***'; the path is '***'"
+
+
 @given(_SECRET)
 def test_no_part_of_a_signature_is_shown(secret: str) -> None:
     assert urls.shown(f"https://host/x?a=1&sig={secret}").endswith("/x?***")
