@@ -64,7 +64,7 @@ def _side(path: Path, allow_large: bool) -> Side:
     if path.is_dir():
         held = reader.read(path)
         listed = {name: sha256 for name, (_, sha256) in held.files.items()}
-        return Side(str(path), held.lock, held.plan, listed, finished=True)
+        return Side(str(path), held.lock, held.plan, listed, held.plan_digests, finished=True)
     if path.suffix == ".lock":
         return Side(str(path), lockfile.read(path), None, finished=True)
     if path.suffix == ".json":

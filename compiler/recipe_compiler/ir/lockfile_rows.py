@@ -191,7 +191,7 @@ class RowParser:
         elif kind == "trace":
             rows.traces[_digest(cells[0])] = _digest(cells[1])
         elif kind == "file":
-            rows.files[unquote(cells[0])] = cells[1]
+            rows.files[unquote(cells[0])] = _digest(cells[1])
         elif kind == "tool":
             rows.tools[cells[0]] = cells[1]
         elif kind == "stage":

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from recipe_compiler.ir.lockfile import Lockfile
@@ -40,6 +40,7 @@ class Side:
         lock: the digests; without motion and pixels for a plan, or for a recipe without a lockfile.
         plan: the plan, if there is one.
         listed: SHA-256 by path, of the files that a dataset's manifest lists.
+        plan_digests: digests of plans by variant, that a dataset's manifest lists.
         note: a remark on this side for the user.
         finished: whether it is a lockfile or a dataset, in which missing rows of motion and pixels are a difference.
     """
@@ -48,6 +49,7 @@ class Side:
     lock: Lockfile
     plan: DatasetPlan | None
     listed: Mapping[str, str] | None = None
+    plan_digests: Mapping[str, str] = field(default_factory=dict)
     note: str | None = None
     finished: bool = False
 
@@ -97,6 +99,10 @@ def _seals(a: Side, b: Side) -> Iterator[Difference]:
         elif side.listed is not None and side.plan is not None and side.plan.digest != side.lock.plan:
             message = f"{side.name} was damaged or edited: its plans and outputs do not have its plan digest"
             yield Difference("lockfile", message)
+        for variant in side.plan.variants if side.plan is not None else ():
+            if side.plan_digests.get(variant.variant, variant.digest) != variant.digest:
+                message = f"{side.name} was damaged or edited: the plan digest of {variant.variant} is not its plan's"
+                yield Difference("lockfile", message)
     if a.locked and b.locked and a.lock.recipe != b.lock.recipe:
         yield Difference("recipe", f"{a.name} is of the recipe {a.lock.recipe!r}, {b.name} of {b.lock.recipe!r}")
 

@@ -104,7 +104,7 @@ def test_the_error_for_a_missing_lockfile_names_the_command_that_writes_it(tmp_p
         lockfile.read(tmp_path / "none.lock")
 
 
-@pytest.mark.parametrize("row", ["file a", "bananas 3", "stage shade one", "frame a b c d"])
+@pytest.mark.parametrize("row", ["file a", "file a.yaml nothing", "bananas 3", "stage shade one", "frame a b c d"])
 def test_a_damaged_row_has_a_remedy(row: str) -> None:
     with pytest.raises(InputError) as caught:
         lockfile.loads(f"recipe-lock 1\n{row}\n", "x.lock")

@@ -272,6 +272,15 @@ def test_lockfiles_with_missing_rows_differ(ours: Side, change: Any, says: str) 
     assert differences(side, ours)
 
 
+def test_a_dataset_with_another_digest_of_a_plan_differs(ours: Side) -> None:
+    assert ours.plan is not None
+    digests = {variant.variant: variant.digest for variant in ours.plan.variants}
+    assert not differences(replace(ours, plan_digests=digests), ours)
+    forged = replace(ours, plan_digests=digests | {ours.plan.variants[1].variant: "0" * 64})
+    for found in (differences(forged, ours), differences(ours, forged)):
+        assert "the plan digest of" in str(found[0])
+
+
 def test_lockfiles_with_many_rows_are_compared_quickly(ours: Side) -> None:
     """All bodies were looked through for each scene: minutes for lockfiles of 20 MB from anyone."""
 

@@ -34,7 +34,8 @@ def quiet(*_: object) -> None:
 def golden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Golden digests of the fake engines, in place of the shipped ones."""
     made = build(PLAN, tmp_path / "made", workers=0, cache=tmp_path / "cache", engines=ENGINES)
-    lock(PLAN, "x.yaml", {"x.yaml": "aa"}, workers=0, progress=quiet, engines=ENGINES).write(tmp_path / "golden.lock")
+    files = {"x.yaml": "a" * 64}
+    lock(PLAN, "x.yaml", files, workers=0, progress=quiet, engines=ENGINES).write(tmp_path / "golden.lock")
     rows = self_test.file_rows(made.manifest["files"])
     (tmp_path / "golden.files").write_text("".join(f"{v}  {p}\n" for p, v in rows.items()))
     monkeypatch.setattr(self_test, "LOCK", tmp_path / "golden.lock")
