@@ -92,17 +92,36 @@ def tiff(metres: NDArray[np.float32]) -> bytes:
     """Encode float32 [H, W] as TIFF 6.0: little-endian, one channel, one strip, deflated."""
     height, width = metres.shape
     body = zlib_ng.compress(np.ascontiguousarray(metres, dtype="<f4").tobytes(), 2)
+    return _tiff_head(height, width, len(body)) + body
+
+
+def metres_of_tiff(content: bytes, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """The inverse of `tiff`; an error if `tiff` does not write such files, or it exceeds a height and width."""
+    width, height = struct.unpack_from(_TIFF_SIZES, content.ljust(_TIFF_HEAD))
+    head = _tiff_head(height, width, max(0, len(content) - _TIFF_HEAD))
+    if not content.startswith(head) or height > shape[0] or width > shape[1]:
+        raise ValueError("it is not a TIFF of this project, or too large")
+    unpacker, size = zlib_ng.decompressobj(), 4 * width * height
+    metres = unpacker.decompress(content[len(head) :], size + 1)
+    if len(metres) != size or not unpacker.eof or unpacker.unused_data:
+        raise ValueError("its pixels are damaged")
+    return np.frombuffer(metres, "<f4").reshape(height, width)
+
+
+def _tiff_head(height: int, width: int, size: int) -> bytes:
+    """Return all bytes of a TIFF before its `size` bytes of pixels."""
     short, long, tags = 3, 4, [(256, width), (257, height), (258, 32), (259, 8), (262, 1), (273, 0), (277, 1)]
-    tags += [(278, height), (279, len(body)), (339, 3)]
+    tags += [(278, height), (279, size), (339, 3)]
     start = 8 + 2 + 12 * len(tags) + 4
     head = struct.pack("<2sHI", b"II", 42, 8) + struct.pack("<H", len(tags))
     for tag, value in tags:
         kind = short if tag in _SHORT_TAGS else long
         head += struct.pack("<HHII", tag, kind, 1, start if tag == _STRIP else value)
-    return head + struct.pack("<I", 0) + body
+    return head + struct.pack("<I", 0)
 
 
 _SHORT_TAGS, _STRIP = (258, 259, 262, 277, 339), 273  # TIFF tags of 16 bits; the tag of the strip's offset
+_TIFF_SIZES, _TIFF_HEAD = "<18xI8xI", len(_tiff_head(0, 0, 0))  # where width and height are; bytes before the pixels
 
 
 def _filter_sub(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -56,7 +56,7 @@ def first_difference(recorded: Path, rendered: Path) -> PixelDifference | None:
 
 
 def read_pixels(path: Path, shape: tuple[int, ...] = (_MAX_SIDE, _MAX_SIDE)) -> NDArray[Any] | None:
-    """Return the pixels of a PNG or `.npy` file; None if it cannot be read or this project does not write that type.
+    """Return the pixels of a PNG, `.npy` or `.tif` file; None if it is not one that this project writes.
 
     The file is not trusted: a link is not followed, and neither its size nor a header makes this take more memory or
     time than a picture needs.
@@ -72,6 +72,8 @@ def read_pixels(path: Path, shape: tuple[int, ...] = (_MAX_SIDE, _MAX_SIDE)) -> 
             array: NDArray[Any] = np.load(body, allow_pickle=False)
             is_depth = isinstance(array, np.ndarray) and array.dtype == np.float32 and array.ndim == 2
             return array if is_depth else None
+        if path.suffix == ".tif":
+            return codecs.metres_of_tiff(body.getvalue(), shape)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's warning about large pictures; larger ones are refused anyway
             with Image.open(body, formats=("PNG",)) as picture:

@@ -2,10 +2,13 @@
 
 import hashlib
 import io
+import zlib
 from typing import TypeVar
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 from recipe_runtime.core import codecs
@@ -111,3 +114,33 @@ def test_pillow_reads_the_metres_of_a_tiff(shape: tuple[int, int]) -> None:
     picture.load()
     assert (picture.format, picture.mode) == ("TIFF", "F")
     assert np.array_equal(np.asarray(picture), metres)
+    assert np.array_equal(codecs.metres_of_tiff(codecs.tiff(metres), shape), metres)
+
+
+def test_a_tiff_that_another_compressor_wrote_has_the_same_metres() -> None:
+    metres = noisy((48, 64), 1 << 20, np.uint32).astype(np.float32)
+    pixels = zlib.compress(metres.tobytes(), 9)
+    content = codecs._tiff_head(48, 64, len(pixels)) + pixels
+    assert content != codecs.tiff(metres)
+    assert np.array_equal(codecs.metres_of_tiff(content, (48, 64)), metres)
+
+
+@given(st.binary(max_size=3), st.integers(0, 200), st.integers(0, 3))
+def test_a_damaged_tiff_is_refused(insert: bytes, at: int, cut: int) -> None:
+    metres = np.arange(12, dtype=np.float32).reshape(3, 4)
+    content = codecs.tiff(metres)
+    at = min(at, len(content) - cut)
+    damaged = content[:at] + insert + content[at + cut :]
+    try:
+        found = codecs.metres_of_tiff(damaged, (3, 4))
+    except Exception:
+        return
+    assert np.array_equal(found, metres)
+
+
+def test_a_tiff_of_more_pixels_than_its_size_is_refused() -> None:
+    pixels = zlib.compress(bytes(1 << 20), 9)
+    with pytest.raises(ValueError, match="its pixels are damaged"):
+        codecs.metres_of_tiff(codecs._tiff_head(1, 1, len(pixels)) + pixels, (1, 1))
+    with pytest.raises(ValueError, match="too large"):
+        codecs.metres_of_tiff(codecs.tiff(np.zeros((2, 3), np.float32)), (2, 2))
