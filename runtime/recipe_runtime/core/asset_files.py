@@ -36,12 +36,16 @@ class Assets:
     places: Mapping[str, Path] = field(default_factory=dict)
 
     def missing(self, plans: Iterable[ScenarioPlan]) -> str | None:
-        """Return why plans cannot be rendered here: the first file without a known path; None if all exist."""
+        """Return why plans cannot be rendered here: the first missing or damaged file; None if there is none."""
         for sha256, file in {k: v for plan in plans for k, v in plan.files.items()}.items():
             if sha256 not in self.places or not self.places[sha256].is_file():
                 return (
                     f"the .{file.kind} file sha256:{sha256} is not available; name the recipe, which contains its path"
                 )
+            try:
+                self.content(file)
+            except RunError as error:
+                return str(error)
         return None
 
     def content(self, file: FilePlan) -> bytes:

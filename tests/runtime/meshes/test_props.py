@@ -129,6 +129,19 @@ def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
+def test_verification_with_a_damaged_asset_is_inconclusive(tmp_path: Path) -> None:
+    """It ended with an error, and reported no difference of other files of the dataset."""
+    compiled, plan = _plan(tmp_path)
+    build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))
+    (tmp_path / "damaged").write_bytes(b"v 0 0 0\n")
+    damaged = _engines(Assets(dict.fromkeys(compiled.places, tmp_path / "damaged")))
+    held, options = datasets.read(tmp_path / "set"), Options(nonce=1, count=3, workers=0)
+    report = verify(held.plan, held.lock, options, quiet, dataset=held, engines=damaged)
+    assert (report.verdict, report.bound.checked) == ("INCONCLUSIVE", 0)
+    assert "is no longer the file" in str(report.differences)
+
+
+@pytest.mark.slow
 def test_a_dataset_lists_its_assets(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
     build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))
