@@ -228,13 +228,15 @@ def writing(path: Path) -> Iterator[None]:
     """Guard the computation and writing of a file.
 
     Raises:
-        InputError: the file's folder does not exist; raised before any work.
+        InputError: the file's folder does not exist, or is inside a dataset; raised before any work.
         RunError: the file cannot be written.
     """
     from recipe_compiler.ir.errors import InputError, RunError
+    from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; make it first")
+    check_outside_datasets(path)
     try:
         yield
     except OSError as error:

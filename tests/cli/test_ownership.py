@@ -23,7 +23,7 @@ from tests.runtime.fakes import ENGINES
 from tests.sources import ROOT
 
 OTHER_PLAN = RECIPE.replace("HardRainNight", "WetNight")
-COMMANDS = {"build": build, "lock": lock, "verify": verify, "diff": diff, "shot": shot, "pack": pack}
+COMMANDS = {m.__name__.rpartition(".")[2]: m for m in (blueprints, build, diff, lock, pack, schema, shot, verify)}
 Run = Callable[..., Result]
 
 
@@ -94,6 +94,30 @@ def test_the_commands_in_a_datasets_readme_do_not_change_it(recipe: Run, monkeyp
             )  # (the remaining output is meaningless with these engines)
             assert recipe(*arguments, *extra).exit_code == 0
     assert manifest("../small-again") == manifest(".")
+
+
+@pytest.mark.slow
+def test_no_command_adds_files_to_a_dataset(recipe: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its verification would fail. Pictures of differences are omitted, so that a dataset is verified within itself."""
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml").exit_code == 0
+    dataset = Path("datasets/small").resolve()
+    frame = next(dataset.rglob("rgb/000000.png"))
+    frame.write_bytes(frame.read_bytes()[:-1])
+    monkeypatch.chdir(dataset)
+    before = sorted(dataset.rglob("*"))
+    for arguments in (
+        ("pack", "recipe/a.yaml", "-o", "a.recipe"),
+        ("schema", "-o", "schema.json"),
+        ("shot", "recipe/a.yaml"),
+        ("shot", "recipe/a.yaml", "--map"),
+        ("blueprints", "vehicle.bus.*", "--pictures", "bus"),
+        ("verify", ".", "--pictures", "seen"),
+    ):
+        with pytest.raises(InputError, match=r" is inside the dataset .*; choose a folder outside it"):
+            recipe(*arguments)
+    assert recipe("verify", ".", "--all").exit_code == 1
+    assert sorted(dataset.rglob("*")) == before
 
 
 @pytest.mark.slow

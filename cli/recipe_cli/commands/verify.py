@@ -153,10 +153,23 @@ def _check_options(
         raise InputError("--against compares a dataset with one recipe or lockfile; name that one")
 
 
-def _checked_pictures(folder: Path) -> Path:
-    """Return the folder for pictures; InputError if it is the default and a symbolic link."""
-    chosen = click.get_current_context().get_parameter_source("pictures")
-    return check_default_folder(folder, "--pictures") if chosen is ParameterSource.DEFAULT else folder
+def _checked_pictures(folder: Path) -> Path | None:
+    """Return the folder for pictures; None if it is the default and inside a dataset, to which nothing is added.
+
+    Raises:
+        InputError: it is the default and a symbolic link, or was named and is inside a dataset.
+    """
+    from recipe_compiler.ir.errors import InputError
+    from recipe_runtime.dataset.manifest_reader import check_outside_datasets
+
+    is_default = click.get_current_context().get_parameter_source("pictures") is ParameterSource.DEFAULT
+    try:
+        check_outside_datasets(folder)
+    except InputError:
+        if not is_default:
+            raise
+        return None
+    return check_default_folder(folder, "--pictures") if is_default else folder
 
 
 def _each(
