@@ -69,7 +69,7 @@ class RecipeDataset(Dataset[Sample]):
         allow_large: Accept recipes that exceed the size limits.
 
     Raises:
-        InputError: The recipe is invalid, or a named variant, sensor or modality does not exist.
+        InputError: The recipe is invalid, a named variant, sensor or modality does not exist, or names are not a list.
     """
 
     def __init__(
@@ -86,11 +86,13 @@ class RecipeDataset(Dataset[Sample]):
         allow_large: bool = False,
     ) -> None:
         plan, engines = (recipe, None) if isinstance(recipe, DatasetPlan) else opened(recipe, allow_large)
+        names = {"variants": variants, "sensors": sensors, "modalities": modalities}
+        variants, sensors, modalities = (_names(argument, given) for argument, given in names.items())
         scenes, kept = Scenes(device, engines), Path(disk_cache) if disk_cache is not None else None
         chosen = plan.variants if variants is None else [plan.named(name) for name in variants]
         self.scenarios = [Scenario(variant, scenes, kept) for variant in chosen]
         self._videos = [(s, sensor) for s in self.scenarios for sensor in (s.sensors if sensors is None else sensors)]
-        self._modalities = tuple(modalities) if modalities is not None else None
+        self._modalities = modalities
         for scenario, sensor in self._videos:
             _check(scenario, sensor, self._modalities or ())
         self._ends = list(accumulate(len(scenario.frames(sensor)) for scenario, sensor in self._videos))
@@ -116,11 +118,17 @@ class RecipeDataset(Dataset[Sample]):
     def _at(self, index: int) -> tuple[Scenario, str, int]:
         if not -len(self) <= index < len(self):
             raise IndexError(f"there is no sample {index}: the dataset has {len(self)}")
-        index %= len(self)
-        video = bisect_right(self._ends, index)
+        at = operator.index(index) % len(self)
+        video = bisect_right(self._ends, at)
         scenario, sensor = self._videos[video]
         frames = scenario.frames(sensor)
-        return scenario, sensor, frames[index - (self._ends[video] - len(frames))]
+        return scenario, sensor, frames[at - (self._ends[video] - len(frames))]
+
+
+def _names(argument: str, given: Sequence[str] | None) -> tuple[str, ...] | None:
+    if isinstance(given, str):
+        raise InputError(f"{argument} is a list of names, such as [{given!r}], and not one name")
+    return None if given is None else tuple(given)
 
 
 def _check(scenario: Scenario, sensor: str, modalities: Sequence[str]) -> None:

@@ -107,6 +107,24 @@ def test_unknown_names_are_refused_at_once(dataset_class: Any) -> None:
         dataset_class(compiled(TINY), modalities=["depth"])
 
 
+@pytest.mark.parametrize("argument", ["variants", "sensors", "modalities"])
+def test_a_name_in_place_of_a_list_of_names_is_refused(dataset_class: Any, argument: str) -> None:
+    """Its letters were the names."""
+    with pytest.raises(InputError, match=f"{argument} is a list of names, such as \\['street'\\]"):
+        dataset_class(TINY, **{argument: "street"})
+
+
+def test_an_iterator_of_sensors_applies_to_every_variant(dataset_class: Any) -> None:
+    names = ["street"]
+    assert len(dataset_class(SLOW, sensors=iter(names))) == len(dataset_class(SLOW, sensors=names))
+
+
+def test_an_index_is_not_changed(dataset_class: Any) -> None:
+    index = np.array(-1)
+    dataset_class(SLOW)._at(index)
+    assert index == -1
+
+
 def test_a_slow_sensor_has_samples_of_its_captured_frames_only(dataset_class: Any) -> None:
     places = [dataset_class(SLOW, variants=["weather=w0,jitter=still"])._at(index)[1:] for index in range(15)]
     assert places == [("street", k) for k in (0, 5, 10)] + [("side", k) for k in range(12)]
