@@ -38,7 +38,7 @@ def document(outcome: Outcome, *, explain: bool) -> dict[str, object]:
     return (
         {"path": str(outcome.folder), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
         | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
-        | ({"explain": outcome.reasons} if explain else {})
+        | ({"explain": _reasons(outcome)} if explain else {})
         | ({"url": target.url, **asdict(copied)} if target and copied else {})
         | ({"mended": list(result.repaired)} if outcome.repair else {})
         | {"resumed_shards": result.resumed, "shards": result.shards, "resumed_frames": result.resumed_frames}
@@ -49,13 +49,17 @@ def document(outcome: Outcome, *, explain: bool) -> dict[str, object]:
 
 def print_outcome(outcome: Outcome, compiled: Compiled, *, explain: bool) -> None:
     """Print a build's result for a person; `explain` first prints why each stage ran."""
-    for reason in outcome.reasons if explain else ():
+    for reason in _reasons(outcome) if explain else ():
         say(reason)
     _print_result(outcome, compiled)
     target, copied = outcome.target, outcome.copied
     if target and copied:
         sent = f"{count(copied.sent, 'file')} sent, {copied.copied:,} copied there, {copied.kept:,} there already"
         say(f"{target.url}: {sent}")
+
+
+def _reasons(outcome: Outcome) -> list[str]:
+    return outcome.reasons if outcome.result.built else ["skip all stages: the dataset exists"]
 
 
 def _print_result(outcome: Outcome, compiled: Compiled) -> None:

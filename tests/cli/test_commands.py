@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import json
 import os
 import re
@@ -420,6 +421,19 @@ def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
     assert (completed["removed"], completed["kinds"]) == (1, {})
     refused = run_here("cache", "--size", "3", cwd=tmp_path, **places)
     assert (refused.returncode, problems(refused.stderr)) == (2, ["--size says how much --prune leaves; give both"])
+
+
+def test_a_cache_that_cannot_be_pruned_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from recipe_runtime.cache import pruning
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "e0324")
+
+    monkeypatch.setattr(pruning, "prune", refuse)
+    refused = run_here("cache", "--prune", cwd=tmp_path, RECIPE_CACHE="kept", RECIPE_KERNEL_CACHE="")
+    (problem,) = problems(refused.stderr)
+    assert refused.returncode == 1
+    assert problem == "the cache kept cannot be written: Permission denied; allow writing, or set RECIPE_CACHE"
 
 
 @pytest.mark.parametrize("options", [[], ["--prune", "--size", "0"]])

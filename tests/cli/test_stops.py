@@ -169,3 +169,4 @@ def test_an_interrupted_command_ends_with_130(
     assert done.returncode == 130
     assert done.stdout == "" and "interrupted" in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists() and not (tmp_path / ".out.export").exists()
+    assert ("--nonce" in done.stderr) == (command_line == ("verify", "small.yaml"))  # only then there is a sample

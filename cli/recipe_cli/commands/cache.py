@@ -25,13 +25,15 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
     from recipe_compiler.ir.errors import InputError
     from recipe_compiler.limits import size as size_text
     from recipe_runtime.cache import pruning
+    from recipe_runtime.core.files import host_errors
 
     if size is not None and not prune:
         raise InputError("--size says how much --prune leaves; give both")
     limit = pruning.limit() if size is None else pruning.bytes_of(size)
     roots = pruning.folders()
     spared = pruning.oldest_lease(roots)
-    removed = pruning.prune(roots, limit, spared) if prune and limit is not None else []
+    with host_errors(f"the cache {' or '.join(map(str, roots))}", "allow writing, or set RECIPE_CACHE"):
+        removed = pruning.prune(roots, limit, spared) if prune and limit is not None else []
     sizes = pruning.sizes(pruning.entries(roots))
     if as_json:
         kinds = {kind: {"entries": number, "bytes": total} for kind, (number, total) in sizes.items()}

@@ -169,8 +169,9 @@ def _warn_of_distortion(dataset: Dataset) -> None:
 def _report_left_out(folder: Path, files: Iterable[str], as_json: bool) -> int:
     """Report the frames and videos that an export for Armory lacks, and return the number of rows that list them."""
     from recipe_compiler.ir.errors import Code, Problem
+    from recipe_runtime.transfer.armory import LEFT_OUT
 
-    table = folder / "left_out.csv"
+    table = folder / LEFT_OUT
     with table.open("rb") as lines:
         rows = sum(1 for _ in lines) - 1
     if not any(file.endswith(".png") for file in files):

@@ -66,7 +66,8 @@ def command(
 
     for recipe in recipes:
         if recipe.suffix == ".recipe":
-            raise InputError(f"{recipe} is a pack; lock the recipe in it", code=Code.USAGE)
+            remedy = "unpack it (it is a ZIP file), lock the recipe and pack it again"
+            raise InputError(f"{recipe} is a pack", help=remedy, code=Code.USAGE)
     count = worker_count(workers, device)
     compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]

@@ -129,8 +129,8 @@ def command(
     try:
         verdicts, problems, stopped = _each(targets or _all_lockfiles(), check, as_json)
     except KeyboardInterrupt:
-        again = "with --all, it is resumed" if everything else f"--nonce {options.nonce} draws this sample again"
-        fail([Problem("interrupted", help=f"verify again; {again}", code=Code.INTERRUPTED)])
+        again = "; with --all, it is resumed" if everything else f"; --nonce {options.nonce} draws this sample again"
+        fail([Problem("interrupted", help=f"verify again{'' if integrity else again}", code=Code.INTERRUPTED)])
         raise click.exceptions.Exit(130) from None
     if problems and "FAIL" not in verdicts:
         raise (RunError if stopped else InputError)(problems)

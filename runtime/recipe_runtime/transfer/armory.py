@@ -44,6 +44,7 @@ Row = dict[str, object]
 _OBJ_DET, _OVER, _MOT, _TRACKING = (
     f"carla_{task}/dev" for task in ("obj_det", "over_obj_det", "mot", "video_tracking")
 )
+LEFT_OUT = "left_out.csv"
 _NAMES = {1: "pedestrian", 2: "vehicle", 3: "trafficlight"}  # by category id; the overhead layout has the first two
 _PERSONS = (Tag.PEDESTRIAN.value, Tag.RIDER.value)
 _LOG_SLOPE = 5.70378  # of the logarithmic depth: 1 + ln(metres / 1000) / 5.70378
@@ -140,7 +141,7 @@ def annotation_files(sequences: list[ExportSequence]) -> Iterator[Entry]:
     path = f"{_OBJ_DET}/_out/kwcoco_annotations_without_patch_and_sans_tiny_objects.json"
     yield path, _annotations(patched, overhead=False)
     yield f"{_OVER}/kwcoco_annotations.json", _annotations(patched, overhead=True)
-    yield "left_out.csv", _left_out(sequences, patched)
+    yield LEFT_OUT, _left_out(sequences, patched)
 
 
 def _patch(sequence: ExportSequence) -> PatchPlan | None:

@@ -176,7 +176,7 @@ class _Fetch:
                     waiting += [path] if path in folders else []
                     yield path, None
                 else:
-                    yield path, _UNKNOWN if row["size"] is None else min(max(int(row["size"]), 0), _LARGEST)
+                    yield path, _UNKNOWN if row.get("size") is None else min(max(int(row["size"]), 0), _LARGEST)
 
     def _check_free_space(self, total: int) -> None:
         free = shutil.disk_usage(self._root).free

@@ -242,4 +242,5 @@ def _is_index(index: object) -> bool:
 def _is_complete(out: Path, known: LayoutIndex, dataset: Dataset) -> bool:
     """Return whether a folder contains exactly the files of its index, with the bytes recorded there."""
     rows = ((path, cast("int", size), str(sha256)) for path, (size, sha256) in known["files"].items())
-    return _has_only(out, known) and holds_files(out, rows, dataset)
+    listed = known["layout"] != "armory" or armory.LEFT_OUT in known["files"]
+    return listed and _has_only(out, known) and holds_files(out, rows, dataset)

@@ -242,6 +242,7 @@ BROKEN: dict[str, tuple[str, bytes, str]] = {
     "GLB 1": ("glb", glb()[:4] + b"\1\0\0\0" + glb()[8:], "is not glTF version 2"),
     "no JSON": ("gltf", b"{", "its content is not JSON"),
     "deep JSON": ("gltf", b"[" * 100_000, "its content is not JSON"),
+    "a signalling NaN": ("glb", glb().replace(struct.pack("<f", 1), b"\1\0\xa0\x7f"), "is not a finite number"),
     "NaN in JSON": ("glb", _glb(nodes=[{"mesh": 0, "scale": [float("nan"), 1, 1]}]), "its content is not JSON"),
     "another file": ("glb", _glb(buffers=[{"uri": "../secret.bin", "byteLength": 9}]), "another file, '../secret.bin'"),
     "a web address": ("glb", _glb(images=[{"uri": "http://a.invalid/x"}]), "another file, 'http://a.invalid/x'"),

@@ -331,6 +331,16 @@ def test_files_with_another_size_than_in_the_manifest_are_not_downloaded(
         assert (found.st_size, found.st_blocks, Endless.read_so_far) == (1 << 40, 0, 0)
 
 
+def test_files_listed_without_a_size_are_downloaded(
+    hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some FTP servers list no sizes; the user was told to try again."""
+    monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
+    monkeypatch.setattr(hostile, "rows", ({"name": "x/y/README.md", "type": "file"},))
+    with fetched("hostile://x/y", _silent) as folder:
+        assert (folder / "README.md").stat().st_size == Endless.read_so_far > 0
+
+
 def test_python_opens_recipes_from_local_files_only() -> None:
     with pytest.raises(InputError, match=r"s3://b/x\.yaml: a recipe is opened from a file of this host; copy it here"):
         recipe_runtime.open("s3://b/x.yaml")

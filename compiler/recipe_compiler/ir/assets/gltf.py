@@ -238,7 +238,8 @@ class _Document:
         if self._item("accessors", accessor).get("normalized") and found.dtype.kind in "iu":
             scale = float(np.iinfo(found.dtype.str).max)
             return np.maximum(found.astype(np.float64) / scale, -1.0)
-        return found.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # NumPy warns of a signalling NaN; it is refused below, as any NaN
+            return found.astype(np.float64)
 
     def _array(self, accessor: object) -> NDArray[np.generic]:
         """What an accessor describes, [count, width]; AssetError if it reaches beyond its data."""
