@@ -480,9 +480,7 @@ def test_verify_continues_after_a_lockfile_whose_recipe_is_missing(recipe: Run, 
 def test_a_pack_cannot_be_locked(recipe: Run) -> None:
     write("small.yaml", RECIPE)
     recipe("pack", "small.yaml")
-    with pytest.raises(
-        InputError, match=r"small\.recipe is a pack; unpack it .*, lock the recipe and pack it again"
-    ):
+    with pytest.raises(InputError, match=r"small\.recipe is a pack; unpack it .*, lock the recipe and pack it again"):
         recipe("lock", "small.recipe")
 
 
