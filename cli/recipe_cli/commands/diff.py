@@ -78,7 +78,8 @@ def _side(path: Path, allow_large: bool) -> Side:
             if lock.plan == compiled.plan.digest:
                 return Side(str(path), replace(lock, files=compiled.files), compiled.plan)
             other = lock.other_recipe(found, recipe, compiled.plan.digest)
-            note = f"{found} is not what {path} compiles to now, and was ignored; `recipe lock --update` updates it"
+            without = f"{path} is compared without it"
+            note = f"{found} is not what {path} compiles to now, so {without}; `recipe lock --update` updates it"
             if other is not None:  # an update would replace that recipe's lockfile
-                note = f"{found} is the lockfile of {other}, a recipe of the same name, and was ignored"
+                note = f"{found} is the lockfile of {other}, a recipe of the same name, so {without}"
         return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan, note=note)

@@ -79,10 +79,11 @@ def left_out(a: Side, b: Side) -> list[str]:
         others = _alone(a.lock.files, b.lock.files), _alone(b.lock.files, a.lock.files)
         if any(others):
             notes.append(f"the text of {a.name} and {b.name} differs; the plan does not")
-    silent = [side.name for side in (a, b) if not side.locked]
+    silent = [side for side in (a, b) if not side.locked]
     if silent:
-        which = f"{' and '.join(silent)} {form(len(silent), 'holds', 'hold')} none"
-        notes.append(f"motion and pixels were not compared: {which}; `recipe lock` makes a lockfile")
+        which = f"{' and '.join(side.name for side in silent)} {form(len(silent), 'holds', 'hold')} none"
+        remedy = "" if any(side.note for side in silent) else "; `recipe lock` makes a lockfile"
+        notes.append(f"motion and pixels were not compared: {which}{remedy}")
     folders = [side.name for side in (a, b) if side.listed is not None]
     if folders:
         whose = form(len(folders), "its manifest", "their manifests")
