@@ -225,24 +225,20 @@ def engines_for(compiled: Compiled, simulated: Callable[[int, int], None] | None
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Guard the computation and writing of a file.
+    """Guard the computation and writing of a file, or of files in a folder.
 
     Raises:
-        InputError: the file's folder does not exist, or is inside a dataset; raised before any work.
-        RunError: the file cannot be written.
+        InputError: its folder does not exist, or it is inside a dataset; raised before any work.
+        RunError: it cannot be written.
     """
-    from recipe_compiler.ir.errors import InputError, RunError
-    from recipe_runtime.dataset.manifest_reader import check_outside_datasets
+    from recipe_compiler.ir.errors import InputError
+    from recipe_runtime.core.files import host_errors
 
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; make it first")
-    check_outside_datasets(path)
-    try:
+    places.check_outside_datasets(path)
+    with host_errors(str(path), "free some space, or choose another place"):
         yield
-    except OSError as error:
-        raise RunError(
-            f"{path} cannot be written: {error.strerror or error}; free some space, or choose another place"
-        ) from None
 
 
 def worker_count(asked: int | None, device: str = "cpu") -> int:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import operator
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate
 from os import PathLike
 from pathlib import Path
@@ -69,25 +69,26 @@ class RecipeDataset(Dataset[Sample]):
         allow_large: Accept recipes that exceed the size limits.
 
     Raises:
-        InputError: The recipe is invalid, a named variant, sensor or modality does not exist, or names are not a list.
+        InputError: The recipe is invalid, a named variant, sensor or modality does not exist, or a name is given in
+            place of a list.
     """
 
     def __init__(
         self,
         recipe: str | PathLike[str] | DatasetPlan,
         *,
-        variants: Sequence[str] | None = None,
-        sensors: Sequence[str] | None = None,
-        modalities: Sequence[str] | None = None,
+        variants: Iterable[str] | None = None,
+        sensors: Iterable[str] | None = None,
+        modalities: Iterable[str] | None = None,
         target: bool = False,
         transform: Callable[[Sample], Any] | None = None,
         device: str = "cpu",
         disk_cache: str | PathLike[str] | None = None,
         allow_large: bool = False,
     ) -> None:
-        plan, engines = (recipe, None) if isinstance(recipe, DatasetPlan) else opened(recipe, allow_large)
         names = {"variants": variants, "sensors": sensors, "modalities": modalities}
         variants, sensors, modalities = (_names(argument, given) for argument, given in names.items())
+        plan, engines = (recipe, None) if isinstance(recipe, DatasetPlan) else opened(recipe, allow_large)
         scenes, kept = Scenes(device, engines), Path(disk_cache) if disk_cache is not None else None
         chosen = plan.variants if variants is None else [plan.named(name) for name in variants]
         self.scenarios = [Scenario(variant, scenes, kept) for variant in chosen]
@@ -125,7 +126,7 @@ class RecipeDataset(Dataset[Sample]):
         return scenario, sensor, frames[at - (self._ends[video] - len(frames))]
 
 
-def _names(argument: str, given: Sequence[str] | None) -> tuple[str, ...] | None:
+def _names(argument: str, given: Iterable[str] | None) -> tuple[str, ...] | None:
     if isinstance(given, str):
         raise InputError(f"{argument} is a list of names, such as [{given!r}], and not one name")
     return None if given is None else tuple(given)

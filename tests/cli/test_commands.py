@@ -475,6 +475,26 @@ def _project(folder: Path, root: Path, *names: str) -> Path:
 
 
 @pytest.mark.slow
+def test_the_digests_of_plans_in_a_manifest_are_compared(folder: Path, tmp_path: Path) -> None:
+    root = _project(folder, tmp_path, "datasets")
+    path = root / "datasets/small/manifest.json"
+    manifest = json.loads(path.read_text())
+    next(iter(manifest["variants"].values()))["plan"] = "0" * 64
+    path.write_text(json.dumps(manifest))
+    done = run_here("diff", "datasets/small", folder / "datasets/small", cwd=root)
+    assert (done.returncode, "has another plan digest for" in done.stdout) == (1, True)
+
+
+@pytest.mark.slow
+def test_the_explanation_of_a_finished_dataset(folder: Path, tmp_path: Path) -> None:
+    root = _project(folder, tmp_path, "small.yaml", "datasets")
+    again = run_here("build", "small.yaml", "--explain", cwd=root)
+    assert again.stdout.startswith("skip all stages: the dataset exists\n")
+    document = json.loads(run_here("build", "small.yaml", "--explain", "--json", cwd=root).stdout)
+    assert document["explain"] == ["skip all stages: the dataset exists"]
+
+
+@pytest.mark.slow
 def test_a_locked_build_refuses_a_changed_recipe(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "lockfiles")
     (root / "small.yaml").write_text(RECIPE.replace("wet: {", "misty: {weather: {fog_density: 20}}, wet: {"))

@@ -12,7 +12,19 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 from recipe_cli import places
-from recipe_cli.commands import blueprints, build, diff, lock, pack, schema, shot, verify
+from recipe_cli.commands import (
+    blueprints,
+    build,
+    diff,
+    import_,
+    init,
+    lock,
+    pack,
+    schema,
+    shot,
+    surfaces,
+    verify,
+)
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import Code, InputError, Problem
 from recipe_runtime.build import provenance
@@ -23,7 +35,8 @@ from tests.runtime.fakes import ENGINES
 from tests.sources import ROOT
 
 OTHER_PLAN = RECIPE.replace("HardRainNight", "WetNight")
-COMMANDS = {m.__name__.rpartition(".")[2]: m for m in (blueprints, build, diff, lock, pack, schema, shot, verify)}
+_USED = (blueprints, build, diff, import_, init, lock, pack, schema, shot, surfaces, verify)
+COMMANDS = {module.__name__.rpartition(".")[2]: module for module in _USED}
 Run = Callable[..., Result]
 
 
@@ -106,15 +119,19 @@ def test_no_command_adds_files_to_a_dataset(recipe: Run, monkeypatch: pytest.Mon
     frame.write_bytes(frame.read_bytes()[:-1])
     monkeypatch.chdir(dataset)
     before = sorted(dataset.rglob("*"))
-    for arguments in (
-        ("pack", "recipe/a.yaml", "-o", "a.recipe"),
-        ("schema", "-o", "schema.json"),
-        ("shot", "recipe/a.yaml"),
-        ("shot", "recipe/a.yaml", "--map"),
-        ("blueprints", "vehicle.bus.*", "--pictures", "bus"),
-        ("verify", ".", "--pictures", "seen"),
+    config = ROOT / "tests/compiler/carla/configs/two_rigs.yaml"
+    for option, arguments in (
+        ("--output", ("pack", "recipe/a.yaml", "-o", "a.recipe")),
+        ("--output", ("schema", "-o", "schema.json")),
+        ("--output", ("shot", "recipe/a.yaml")),
+        ("--output", ("shot", "recipe/a.yaml", "--map")),
+        ("--output", ("surfaces", "recipe/a.yaml", "-o", ".")),
+        ("--output", ("import_", "carla", config)),
+        ("--dir", ("init", "mine")),
+        ("--pictures", ("blueprints", "vehicle.bus.*", "--pictures", ".")),
+        ("--pictures", ("verify", ".", "--pictures", ".")),
     ):
-        with pytest.raises(InputError, match=r" is inside the dataset .*; choose a folder outside it"):
+        with pytest.raises(InputError, match=f" is inside the dataset .*; choose a place outside it with {option}$"):
             recipe(*arguments)
     assert recipe("verify", ".", "--all").exit_code == 1
     assert sorted(dataset.rglob("*")) == before

@@ -26,7 +26,15 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
-from recipe_cli.places import FOLDER, check_bytes, check_default_folder, check_lockfile_is_of, lockfile_path, recipe_of
+from recipe_cli.places import (
+    FOLDER,
+    check_bytes,
+    check_default_folder,
+    check_lockfile_is_of,
+    check_outside_datasets,
+    lockfile_path,
+    recipe_of,
+)
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
 from recipe_cli.work_guard import dataset_cost, within_estimate
@@ -160,11 +168,10 @@ def _checked_pictures(folder: Path) -> Path | None:
         InputError: it is the default and a symbolic link, or was named and is inside a dataset.
     """
     from recipe_compiler.ir.errors import InputError
-    from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 
     is_default = click.get_current_context().get_parameter_source("pictures") is ParameterSource.DEFAULT
     try:
-        check_outside_datasets(folder)
+        check_outside_datasets(folder / "frame.png", "--pictures")
     except InputError:
         if not is_default:
             raise

@@ -66,9 +66,8 @@ def bounded_memory(what: str) -> Iterator[None]:
     """
     before = resource.getrlimit(resource.RLIMIT_DATA)
     used = _data_bytes()
-    most = (_memory or 0) + (used or 0)
-    is_host_lower = any(limit != resource.RLIM_INFINITY and limit <= most for limit in before)
-    if _memory is None or used is None or is_host_lower:
+    most = None if _memory is None or used is None else used + _memory
+    if most is None or any(limit != resource.RLIM_INFINITY and limit <= most for limit in before):
         yield
         return
     failed = False
@@ -89,4 +88,4 @@ def _data_bytes() -> int | None:
         lines = Path("/proc/self/status").read_bytes().splitlines()
     except OSError:
         return None
-    return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith(b"VmData:"))
+    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith(b"VmData:")), None)

@@ -37,11 +37,7 @@ class Assets:
 
     def missing(self, plans: Iterable[ScenarioPlan]) -> str | None:
         """Return why plans cannot be rendered here: the first missing or damaged file; None if there is none."""
-        for sha256, file in {k: v for plan in plans for k, v in plan.files.items()}.items():
-            if sha256 not in self.places or not self.places[sha256].is_file():
-                return (
-                    f"the .{file.kind} file sha256:{sha256} is not available; name the recipe, which contains its path"
-                )
+        for file in {sha256: file for plan in plans for sha256, file in plan.files.items()}.values():
             try:
                 self.content(file)
             except RunError as error:
@@ -56,7 +52,7 @@ class Assets:
         """
         path = self.places.get(file.sha256)
         if path is None:
-            reason = "name the recipe that uses it, which contains its path"
+            reason = "name the recipe, which contains its path"
             raise RunError(f"the .{file.kind} file sha256:{file.sha256} is not available; {reason}")
         try:
             content = _verified(path, file.bytes, file.sha256, stamp_of(path.stat()))
@@ -64,7 +60,8 @@ class Assets:
             reason = (isinstance(error, OSError) and error.strerror) or str(error)
             raise RunError(f"{path}: cannot be read: {reason}; restore it") from None
         if content is None:
-            raise RunError(f"{path}: is no longer the file sha256:{file.sha256} of the plan; compile the recipe again")
+            remedy = "restore it, or compile the recipe again"
+            raise RunError(f"{path}: is no longer the file sha256:{file.sha256} of the plan; {remedy}")
         return content
 
     def mesh(self, prop: PropPlan) -> files.MeshData:

@@ -96,7 +96,16 @@ def tiff(metres: NDArray[np.float32]) -> bytes:
 
 
 def metres_of_tiff(content: bytes, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """The inverse of `tiff`; an error if `tiff` does not write such files, or it exceeds a height and width."""
+    """Return the metres of a file that `tiff` wrote.
+
+    Args:
+        content: The file.
+        shape: The largest height and width.
+
+    Raises:
+        ValueError: It is another file, or larger.
+        zlib_ng.error: Its pixels are damaged.
+    """
     width, height = struct.unpack_from(_TIFF_SIZES, content.ljust(_TIFF_HEAD))
     head = _tiff_head(height, width, max(0, len(content) - _TIFF_HEAD))
     if not content.startswith(head) or height > shape[0] or width > shape[1]:

@@ -251,16 +251,11 @@ def _fresh(path: Path) -> tuple[Path, int]:
 
 @contextmanager
 def host_errors(what: str, remedy: str) -> Iterator[None]:
-    """Convert an OSError into a RunError that names what could not be written and the remedy.
-
-    Raises:
-        InputError: The name is too long for the host.
-        RunError: The host cannot write it for another reason.
-    """
+    """Convert an OSError into a RunError that names what could not be written and the remedy."""
     try:
         yield
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
-            raise InputError(f"{what} cannot be written: its name is too long", help="choose a shorter one") from error
+            remedy = "choose a shorter name"
         reason = error.strerror or type(error).__name__
         raise RunError(f"{what} cannot be written: {reason}; {remedy}") from error

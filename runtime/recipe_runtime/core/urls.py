@@ -102,6 +102,7 @@ def _secrets(url: str) -> set[str]:
         values = [value for pair in place.partition("?")[2].split("&") for value in (pair.partition("=")[2], pair)]
         values += [text for name, _, value in parameters for text in (value, f"{name}={value}") if value]
         found |= {password or "", fragment, *values} | ({user} if password is None else set())
-        found |= set(_DELIMITERS.split(password or ""))  # libraries quote a part of a URL, up to one of these
+        for text in (password or "", unquote(password or "")):
+            found |= set(_DELIMITERS.split(text))  # libraries quote a part of a URL, up to one of these
     found |= {unquote(secret) for secret in found}
     return {secret for secret in found if len(secret) >= _MIN_SECRET}

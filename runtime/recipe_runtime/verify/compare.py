@@ -109,8 +109,14 @@ def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
     ]
 
 
-def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
-    """Check that a lockfile is complete and has exactly the rows of motion and frames that the plan requires."""
+def compare_rows(plan: DatasetPlan, lock: Lockfile, *, from_manifest: bool = False) -> list[Difference]:
+    """Check that a lockfile is complete and has exactly the rows of motion and frames that the plan requires.
+
+    Args:
+        plan: the plan.
+        lock: the lockfile.
+        from_manifest: whether the rows were read from a dataset's manifest, which has none of bodies.
+    """
     found = []
     if not lock.sealed:
         found.append("it was damaged or edited: its digests do not add up")
@@ -119,11 +125,10 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
     found += tool_faults(lock)
     agreed = {name: row for name, row in digests.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
     if len(agreed) == len(plan.variants) == len(lock.variants):
-        has_bodies = bool(lock.bodies or lock.files)  # a manifest has neither
         kinds = (
             ("stage", set(STAGES), set(lock.stages)),
             ("trace", {v.scene.digest for v in plan.variants}, set(lock.traces)),
-            ("body", _body_keys(plan) if has_bodies else set(), set(lock.bodies)),
+            ("body", set() if from_manifest else _body_keys(plan), set(lock.bodies)),
             ("frame", set(digests.frame_keys(plan)), set(lock.frames)),
         )
         for kind, ours, theirs in kinds:

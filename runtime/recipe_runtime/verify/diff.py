@@ -100,10 +100,12 @@ def _seals(a: Side, b: Side) -> Iterator[Difference]:
         elif side.listed is not None and side.plan is not None and side.plan.digest != side.lock.plan:
             message = f"{side.name} was damaged or edited: its plans and outputs do not have its plan digest"
             yield Difference("lockfile", message)
-        for variant in side.plan.variants if side.plan is not None else ():
-            if side.plan_digests.get(variant.variant, variant.digest) != variant.digest:
-                message = f"{side.name} was damaged or edited: the plan digest of {variant.variant} is not its plan's"
-                yield Difference("lockfile", message)
+        variants = side.plan.variants if side.plan is not None else ()
+        edited = [v.variant for v in variants if side.plan_digests.get(v.variant, v.digest) != v.digest]
+        if edited:
+            where = _some(edited, "variant")
+            message = f"{side.name} was damaged or edited: its manifest has another plan digest for {where}"
+            yield Difference("lockfile", message)
     if a.locked and b.locked and a.lock.recipe != b.lock.recipe:
         yield Difference("recipe", f"{a.name} is of the recipe {a.lock.recipe!r}, {b.name} of {b.lock.recipe!r}")
 

@@ -168,7 +168,7 @@ def _listed_differences(
     plan: DatasetPlan, lock: Lockfile, files: dict[str, str] | None, dataset: Dataset | None
 ) -> list[Difference]:
     """Compare the digests that recipe, plan, lockfile and dataset list; nothing is rendered."""
-    found = compare_rows(plan, lock)
+    found = compare_rows(plan, lock, from_manifest=dataset is not None and dataset.lock is lock)
     if files is not None:
         found += compare_files(plan, lock, files)
     found += compare_plans(plan, lock)

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from recipe_runtime.core.files import open_inside, read_inside
+from recipe_compiler.ir.errors import RunError
+from recipe_runtime.core.files import host_errors, open_inside, read_inside
 
 
 @pytest.fixture
@@ -77,3 +78,9 @@ def test_a_file_replaced_during_reading_neither_blocks_nor_exhausts_memory(root:
             except (OSError, ValueError):
                 pass
     assert read
+
+
+def test_a_name_that_is_too_long_gets_another_remedy_than_a_full_disk(tmp_path: Path) -> None:
+    error = pytest.raises(RunError, match="File name too long; choose a shorter name")
+    with error, host_errors("x", "free some space"):
+        (tmp_path / ("x" * 300)).touch()

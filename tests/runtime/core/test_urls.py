@@ -96,6 +96,8 @@ def test_the_part_of_a_password_that_a_library_quotes_is_masked(scheme: str, del
     url = f"{scheme}://KEY:wJalr{delimiter}XUtn@bucket/name"
     text = urls.without_secrets("invalid bucket name 'KEY:wJalr'; the path is 'XUtn'", url)
     assert text == "invalid bucket name 'KEY:***'; the path is '***'"
+    escaped = f"{scheme}://KEY:wJalr%{ord(delimiter):02X}XUtn@bucket/name"
+    assert urls.without_secrets("wJalr and XUtn", escaped) == "*** and ***"
 
 
 @given(_SECRET)

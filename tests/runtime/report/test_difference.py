@@ -17,7 +17,7 @@ from recipe_runtime.annotate.records import FrameRecord, Video
 from recipe_runtime.core import codecs
 from recipe_runtime.frames.shot import Shot
 from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
-from recipe_runtime.report.difference import first_difference, read_pixels, write_difference
+from recipe_runtime.report.difference import PixelDifference, first_difference, read_pixels, write_difference
 from recipe_runtime.webdataset import decode
 
 from tests.runtime.fakes import NO_LABELS, sensor_plan
@@ -74,6 +74,19 @@ def test_pictures_of_other_size_or_kind_have_no_count(tmp_path: Path, name: str,
     pixels = PIXELS if modality == "rgb" else np.ones((6, 8), np.float32)
     (written,) = write_difference(tmp_path / "out" / "x", Shot("street", 0, modality, pixels), there)
     assert written.name == "x-rendered.png"
+
+
+def test_depth_in_a_tiff_is_compared_by_its_values(tmp_path: Path) -> None:
+    """Another compressor may have written it."""
+    metres = np.arange(48, dtype=np.float32).reshape(6, 8)
+    ours, there = tmp_path / "ours.tif", tmp_path / "there.tif"
+    ours.write_bytes(codecs.tiff(metres))
+    pixels = zlib.compress(metres.tobytes(), 9)
+    there.write_bytes(codecs._tiff_head(6, 8, len(pixels)) + pixels)
+    assert first_difference(there, ours) == PixelDifference(0)
+    metres[2, 3] = 7.5
+    there.write_bytes(codecs.tiff(metres))
+    assert first_difference(there, ours) == PixelDifference(1, 3, 2, "7.5", "19.0")
 
 
 def test_links_and_folders_are_not_read(tmp_path: Path) -> None:

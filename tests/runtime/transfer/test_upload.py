@@ -320,8 +320,9 @@ def test_an_upload_writes_no_file_over_one_of_a_newer_upload(
     assert set(remote_files(url)) == {*placed, MARKER}
 
 
-def test_a_dataset_copied_to_the_place_of_an_upload_is_noticed(
-    url: str, built: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("path", "body"), [("manifest.json", b"{}"), (MARKER, b'{"copy": "another"}')])
+def test_another_upload_at_the_end_of_one_is_noticed(
+    url: str, built: Path, monkeypatch: pytest.MonkeyPatch, path: str, body: bytes
 ) -> None:
     """Regression: its manifest was overwritten, and the mixed copy was reported as complete."""
     fs, prefix = fsspec.core.url_to_fs(url)
@@ -329,12 +330,12 @@ def test_a_dataset_copied_to_the_place_of_an_upload_is_noticed(
 
     def removed(self: Target) -> None:
         remove(self)
-        fs.pipe_file(f"{prefix}/manifest.json", b"{}")
+        fs.pipe_file(f"{prefix}/{path}", body)
 
     monkeypatch.setattr(Target, "_remove_empty_folders", removed)
     with pytest.raises(RunError, match="another upload to this place ran at the same time"):
         put(url, built)
-    assert remote_files(url)["manifest.json"] == b"{}"
+    assert remote_files(url)[path] == body
 
 
 def test_two_uploads_to_one_folder_do_not_run_at_once(built: Path, tmp_path: Path) -> None:

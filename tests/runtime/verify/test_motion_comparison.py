@@ -79,11 +79,12 @@ def test_a_trace_digest_that_contradicts_its_bodies_fails(locked: Lockfile) -> N
 
 
 def test_frames_are_compared_though_the_lockfile_claims_another_motion(locked: Lockfile) -> None:
-    assert check(other_motion(locked, bodies={})).verdict == "INCONCLUSIVE"  # nothing else differs
+    report = check(other_motion(locked, bodies={}))
+    assert [d.stage for d in report.differences if d.excuse is None] == ["lockfile"]  # it lacks rows; nothing else
     frames = {**locked.frames, next(k for k in locked.frames if k[2] == "rgb"): "0" * 64}
     report = check(other_motion(locked, bodies={}, frames=frames))
     assert report.bound.checked == len(PLAN.variants) * 2 * 4
-    assert (report.verdict, [d.stage for d in report.differences]) == ("FAIL", ["trace", "shading"])
+    assert (report.verdict, [d.stage for d in report.differences]) == ("FAIL", ["lockfile", "trace", "shading"])
 
 
 def test_frames_before_the_bodies_diverge_have_no_excuse(locked: Lockfile) -> None:
@@ -162,7 +163,8 @@ def test_forged_colours_before_the_motion_differs_fail(locked_shadows: Lockfile,
 def test_forged_colours_fail_where_no_other_motion_is_recorded(locked_shadows: Lockfile) -> None:
     """The digest of the trace differs, but no row states which body differs."""
     report = check(other_motion(forged_rgb(locked_shadows, 3), bodies={}), engines=SHADOWS)
-    assert (report.verdict, [d.stage for d in report.differences if d.excuse is None]) == ("FAIL", ["shading"])
+    found = [d.stage for d in report.differences if d.excuse is None]
+    assert (report.verdict, found) == ("FAIL", ["lockfile", "shading"])
 
 
 def test_a_scene_without_bodies_has_no_other_motion() -> None:

@@ -347,6 +347,22 @@ def test_a_flipped_bit_in_a_picture_is_detected_and_drawn(built: Path, tmp_path:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["x" * 300, "file/x"])
+def test_a_difference_is_reported_though_its_picture_cannot_be_written(built: Path, tmp_path: Path, name: str) -> None:
+    """Names of variants can be too long for the name of a picture; the report must not be lost."""
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    victim = root / "weather=w1,jitter=shaky" / "street" / "rgb" / "000004.png"
+    victim.unlink()
+    Image.new("RGB", (8, 6)).save(victim)
+    (tmp_path / "file").touch()
+    report = check_folder(root, pictures=tmp_path / name)
+    assert (report.verdict, report.stage) == ("FAIL", "file")
+    (line,) = report.pictures
+    assert line.startswith("no picture could be written to")
+
+
+@pytest.mark.slow
 def test_any_damaged_missing_or_added_file_is_detected(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
