@@ -37,8 +37,6 @@ from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, text_differences
 from recipe_runtime.dataset.schedule import chosen_shards
 from recipe_runtime.frames.engines import Engines, devices, real_engines
-from recipe_runtime.frames.shot import shot
-from recipe_runtime.report.difference import write_difference
 from recipe_runtime.verify.compare import (
     compare_datasets,
     compare_files,
@@ -61,6 +59,7 @@ from recipe_runtime.verify.motion_comparison import (
     scenes_to_simulate,
     tracks_differ,
 )
+from recipe_runtime.verify.pictures import draw_differences
 from recipe_runtime.verify.recipe_comparison import recipe_differences
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
@@ -68,7 +67,6 @@ from recipe_runtime.verify.version_comparison import version_notes
 
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
-MAX_PICTURES = 8
 _NONE: Mapping[str, NoReturn] = MappingProxyType({})
 
 
@@ -371,29 +369,8 @@ class _Check:
         return [m for m in order if m == "labels" or m in capture]
 
     def draw(self, differences: list[Difference], out: Path) -> list[str]:
-        """Write pictures of the first frames that differ: as recorded in the dataset, as rendered here, and where."""
-        pictures: list[str] = []
-        drawn = (d for d in differences if d.modality not in (None, "labels"))
-        cases = {(d.variant, d.sensor, d.frame, d.modality): d for d in drawn}  # the row and the file of one picture
-        for case in list(cases.values())[:MAX_PICTURES]:
-            assert case.variant is not None and case.sensor is not None
-            scenario = next(v for v in self.plan.variants if v.variant == case.variant)
-            made = shot(
-                scenario,
-                case.sensor,
-                case.frame,
-                case.modality,
-                engines=self.engines,
-                store=Store(self.folder),
-                device=self.options.device,
-            )
-            there = None
-            if self.dataset:
-                path = layout.frame_file(case.variant, case.sensor, made.modality, made.frame, self.plan.depth)
-                there = self.dataset.root / path
-            stem = f"{layout.folder(case.variant)}-{layout.folder(case.sensor)}-{made.modality}-{made.frame:06d}"
-            try:
-                pictures += [str(path) for path in write_difference(out / stem, made, there)]
-            except (RunError, OSError) as error:
-                return [*pictures, f"no picture could be written to {out}: {error}"]
-        return pictures
+        """Write pictures of the first frames that differ, and return their paths."""
+        store, device = Store(self.folder), self.options.device
+        return draw_differences(
+            differences, self.plan, self.dataset, out, engines=self.engines, store=store, device=device
+        )

@@ -22,6 +22,7 @@ from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, DatasetPlan, ScenePlan
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.core.versions import host_versions
@@ -29,7 +30,8 @@ from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.verify.compare import compare_locks, text_note
 from recipe_runtime.verify.locking import lock
-from recipe_runtime.verify.verdict import Report
+from recipe_runtime.verify.pictures import draw_differences
+from recipe_runtime.verify.verdict import Difference, Report
 from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
@@ -360,6 +362,21 @@ def test_a_difference_is_reported_though_its_picture_cannot_be_written(built: Pa
     assert (report.verdict, report.stage) == ("FAIL", "file")
     (line,) = report.pictures
     assert line.startswith("no picture could be written to")
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"variant": "sun"}, {"variant": None}, {"sensor": "roof"}, {"frame": 6}, {"frame": None}, {"modality": "labels"}],
+)
+def test_no_picture_is_drawn_of_a_frame_that_the_plan_does_not_have(tmp_path: Path, other: dict[str, Any]) -> None:
+    """A dataset is compared with a recipe that may have other variants and sensors; `verify` ended in an error."""
+    frame = Difference("shading", "differs", None, "weather=w1,jitter=shaky", "street", 4, "rgb")
+    drawn: dict[str, Any] = {"engines": fakes.ENGINES, "store": Store(tmp_path), "device": "cpu"}
+    assert not draw_differences([replace(frame, **other)], PLAN, None, tmp_path / "out", **drawn)
+    assert not (tmp_path / "out").exists()
+    both = [replace(frame, **other), frame, frame]
+    (picture,) = draw_differences(both, PLAN, None, tmp_path / "out", **drawn)
+    assert Path(picture).exists()
 
 
 @pytest.mark.slow
