@@ -29,6 +29,7 @@ _FORMAT = "recipe/trace/1"
 _CHUNK = 1 << 20  # bytes of an array that are handled at once
 _POSITION, _ROTATION = 3 * 8, 4 * 4  # bytes a part
 _VELOCITY = 3 * 8  # bytes an actor
+_UNIT_ERROR = 1e-3  # of the square of a quaternion's length; snapping causes 1e-7
 _LONGEST_HEADER = 8 << 20  # bytes, of names alone
 
 
@@ -135,6 +136,14 @@ class Trace:
         for start in range(0, frames, step):
             yield start, array[start : min(start + step, frames)]
             self.release()
+
+    def has_unit_rotations(self) -> bool:
+        """Return whether every quaternion has a length of 1, but for rounding."""
+        for _, chunk in self._chunks(self.rotations, self.frames):
+            squares = np.square(chunk.astype(np.float64) / UNIT).sum(axis=-1)
+            if np.abs(squares - 1).max(initial=0) > _UNIT_ERROR:
+                return False
+        return True
 
     def release(self) -> None:
         """Release the resident pages of a mapped file, so that they do not accumulate."""

@@ -18,6 +18,7 @@ from recipe_runtime.cache.store import is_motion_of
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset, tracks_difference
+from recipe_runtime.frames.engines import Engines
 from recipe_runtime.verify.excuses import release_excuse
 from recipe_runtime.verify.sampling import draw_scenes
 from recipe_runtime.verify.verdict import Difference
@@ -105,18 +106,25 @@ def body_differences(
 
 
 def matching_traces(
-    plan: DatasetPlan, lock: Lockfile, traces: Mapping[str, Trace]
+    plan: DatasetPlan, lock: Lockfile, traces: Mapping[str, Trace], engines: Engines
 ) -> tuple[list[Difference], dict[str, Trace]]:
-    """Separate locked Traces, by scene digest, that have other frames, actors or parts than their scene.
+    """Separate locked Traces, by scene digest, that cannot be rendered: anyone may have written them.
 
     Returns:
         A difference for each of these, and the other Traces.
     """
     scenes = {variant.scene.digest: variant.scene for variant in plan.variants}
-    unfit = [digest for digest, t in traces.items() if digest in scenes and not is_motion_of(t, scenes[digest])]
-    message = "the locked Trace of scene {} has other frames, actors or parts than the scene"
+    unfit = [digest for digest, t in traces.items() if digest in scenes and not _fits(t, scenes[digest], engines)]
+    message = "the locked Trace of scene {} has other frames, actors or parts than the scene, or no valid rotations"
     found = [Difference("trace", message.format(digest[:16]), release_excuse("trace", lock)) for digest in unfit]
     return found, {digest: trace for digest, trace in traces.items() if digest not in unfit}
+
+
+def _fits(trace: Trace, scene: ScenePlan, engines: Engines) -> bool:
+    """Return whether a Trace has the frames, actors and parts of a scene, and rotations."""
+    if not is_motion_of(trace, scene) or not trace.has_unit_rotations():
+        return False
+    return trace.parts == tuple(f"{body.name}/{part}" for body in engines.actors(scene) for part, _ in body.parts)
 
 
 def scenes_to_simulate(

@@ -111,7 +111,7 @@ def verify(
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
     differences = _listed_differences(plan, lock, files, dataset)
-    mismatches, locked_traces = matching_traces(plan, lock, traces or {})
+    mismatches, locked_traces = matching_traces(plan, lock, traces or {}, engines)
     differences += mismatches
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]

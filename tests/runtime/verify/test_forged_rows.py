@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError, RunError
@@ -18,10 +19,12 @@ from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import STAGES, host_versions
 from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.verify import sampling
 from recipe_runtime.verify.diff import Side
 from recipe_runtime.verify.diff import differences as compared
 from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.motion_comparison import matching_traces
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
@@ -153,7 +156,7 @@ def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile,
         assert {d.stage for d in found if d.excuse is None} == stages
 
 
-@pytest.mark.parametrize("fault", ["no actors", "one frame", "other parts"])
+@pytest.mark.parametrize("fault", ["no actors", "one frame", "other parts", "no rotations", "long rotations"])
 def test_a_locked_trace_that_does_not_fit_its_scene_fails(locked: Lockfile, fault: str) -> None:
     """Otherwise frames would be rendered from this host's motion, against the report."""
     scene = PLAN.variants[0].scene
@@ -163,6 +166,8 @@ def test_a_locked_trace_that_does_not_fit_its_scene_fails(locked: Lockfile, faul
         "no actors": replace(true, actors=(), parts=(), **{name: getattr(true, name)[:, :0] for name in fields}),
         "one frame": replace(true, **{name: getattr(true, name)[:1] for name in fields}),
         "other parts": replace(true, parts=tuple(f"{part}x" for part in true.parts)),
+        "no rotations": replace(true, rotations=np.zeros_like(true.rotations)),
+        "long rotations": replace(true, rotations=true.rotations * 2),
     }[fault]
     assert isinstance(trace, Trace)
     forged = replace(
@@ -176,6 +181,15 @@ def test_a_locked_trace_that_does_not_fit_its_scene_fails(locked: Lockfile, faul
     messages = [difference.message for difference in report.differences]
     assert any("has other frames, actors or parts than the scene" in message for message in messages)
     assert not any("from the locked motion on" in message for message in messages)
+
+
+def test_a_locked_trace_with_fewer_parts_than_the_meshes_does_not_fit(locked: Lockfile) -> None:
+    """A Trace with each actor's base alone has the form of other engines' motion; the renderer refused it."""
+    scene = PLAN.variants[0].scene
+    traces = {scene.digest: fakes.simulate(scene)}
+    assert matching_traces(PLAN, locked, traces, fakes.ENGINES) == ([], traces)
+    (difference,), kept = matching_traces(PLAN, locked, traces, replace(fakes.ENGINES, actors=real_engines().actors))
+    assert "has other frames, actors or parts than the scene" in difference.message and not kept
 
 
 def test_a_host_without_simulation_does_not_use_an_unfit_trace(locked: Lockfile) -> None:
