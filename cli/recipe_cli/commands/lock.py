@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -166,7 +167,7 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     previous = lockfile.read(path) if path.exists() and not options.update else None
     if previous is not None and not previous.equals_but_for_text(made):
         raise _outdated(path, recipe)
-    renamed = previous is not None and previous.source != source and not (path.parent / previous.source).exists()
+    renamed = previous is not None and previous.source != source and not os.path.lexists(path.parent / previous.source)
     traces, written = trace_bundle.beside(path), False
     if options.with_traces or traces.exists():  # an existing file of traces must not become outdated
         written = trace_bundle.write(traces, motion, replace=options.replace)  # first: a full disk then keeps both old
@@ -230,7 +231,6 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
             that the recipes use.
         RunError: the folder cannot be written.
     """
-    import os
 
     from recipe_compiler.ir.errors import Code, InputError, RunError
     from recipe_runtime.core.outputs import check_not_input

@@ -50,7 +50,8 @@ def write(scene: Scene) -> None:
     taken: list[str] = []
     for number, group in enumerate(groups, 1):
         _name(scene, group, taken, "camera" if len(groups) == 1 else f"camera{number}")
-        _write(scene, group, taken[-1])
+    for group, name in zip(groups, taken, strict=True):  # a sensor may be mounted on one that is listed later
+        _write(scene, group, name)
 
 
 def _key(scene: Scene, spec: Spec, attributes: cameras.Attributes) -> tuple[object, ...]:

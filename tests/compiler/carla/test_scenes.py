@@ -36,6 +36,15 @@ def test_the_weathers_of_the_paper_are_the_variants(tmp_path: Path) -> None:
     assert first.rig.sensors[0].capture == ("rgb", "depth", "instance")
 
 
+def test_a_camera_may_be_attached_to_one_that_is_listed_later(tmp_path: Path) -> None:
+    """The collector finds parents by their role names, in any order; the import ended in an internal error."""
+    entry = "  - blueprint: {name: sensor.camera.rgb, attr: {role_name: %s}}\n    transform: {location: {x: 1, z: 2}}\n"
+    main, side = entry % "main", entry % "side" + "    attach_to: main\n"
+    first, second = (plan_of(HEAD + text, tmp_path).rig for text in (main + side, side + main))
+    assert {sensor.name for sensor in first.sensors} == {"main", "side"}
+    assert sorted(first.sensors, key=repr) == sorted(second.sensors, key=repr)
+
+
 def test_the_pedestrians_of_the_paper_pass_each_other_in_front_of_the_camera(tmp_path: Path) -> None:
     (one,) = import_files(*PAPER)
     plan = compiled(one, tmp_path).plan.variants[0]
