@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_runtime.simulation.path import Leg, nearest_on
-from recipe_runtime.simulation.traffic.agents import Body, Vehicle
+from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 SIDESTEP, SIDESTEP_SLOPE = 1.0, 0.3  # maximum lateral speed: m/s, and relative to the speed
@@ -139,15 +139,14 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
         return None
     room = _room(gap, CLEARANCE)
     low, high = aside - half, aside + half
-    driver = getattr(body, "driver", None)
-    if driver is not None and gap > 0.3 and hx * tx + hy * ty > 0.9:  # a change of lanes that has begun
-        shift = driver.offset - body.offset  # type: ignore[attr-defined]
+    if is_vehicle(body) and gap > 0.3 and hx * tx + hy * ty > 0.9:  # a change of lanes that has begun
+        shift = body.driver.offset - body.offset
         low, high = low + min(shift, 0.0), high + max(shift, 0.0)
     right, left = c.edges(gap)
     if low > left + room or high < right - room:
         return None
     vx, vy = body.velocity
-    along = hx * tx + hy * ty if driver is not None else 0.0  # a prop faces nowhere
+    along = hx * tx + hy * ty if is_vehicle(body) else 0.0  # a prop faces nowhere
     return Obstacle(body, gap, vx * tx + vy * ty, low, high, along, False)
 
 

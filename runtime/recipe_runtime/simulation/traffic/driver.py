@@ -17,7 +17,6 @@ from recipe_compiler.ir.plan import ActorPlan
 from recipe_runtime.body.skeleton import BICYCLE
 from recipe_runtime.simulation.path import Path
 from recipe_runtime.simulation.traffic import corridor
-from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE, Corridor, Obstacle
 from recipe_runtime.simulation.traffic.following import (
     HARDEST_BRAKING,
@@ -30,6 +29,7 @@ from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
 from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
 from recipe_runtime.simulation.traffic.passage import Passage
+from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
 from recipe_runtime.simulation.traffic.reversing import Reversing, Situation
 from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
 from recipe_runtime.simulation.traffic.standing_props import PropsNearby, StandingProp
@@ -232,11 +232,10 @@ class Driver:
         room = solid = math.inf
         for obstacle in found:
             here, body = max(0.0, obstacle.gap - self.style.gap - _SLACK), obstacle.body
-            driver = getattr(body, "driver", None)
-            if driver is not None and body.actor.speed > 0.0:
+            if is_vehicle(body) and body.actor.speed > 0.0:
                 if obstacle.along > 0.3:
-                    here += max(0.0, driver.passage.extent)
-                elif body.speed > _PASSING and (obstacle.along > -0.7 or driver.passage.inside):
+                    here += max(0.0, body.driver.passage.extent)
+                elif body.speed > _PASSING and (obstacle.along > -0.7 or body.driver.passage.inside):
                     continue  # it crosses or turns, and will clear the way
             room = min(room, here)
             solid = solid if obstacle.person else min(solid, here)

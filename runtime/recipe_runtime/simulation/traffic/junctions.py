@@ -23,9 +23,9 @@ from dataclasses import dataclass
 
 from recipe_compiler.ir.signals import light
 
-from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.following import stopping_distance
 from recipe_runtime.simulation.traffic.passage import Crossing, Passage, decision_distance
+from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
 from recipe_runtime.simulation.traffic.road_map import DIRECTIONS, RoadMap
 from recipe_runtime.simulation.traffic.swept_path import MARGIN, Movement, Overlap, sweep
 
@@ -79,11 +79,7 @@ class JunctionControl:
         dt = 0.1 if self._seconds is None else seconds - self._seconds
         self._seconds = seconds
         lanes: dict[int, list[_Approach | None]] = {}
-        vehicles: list[tuple[int, Vehicle]] = [
-            (order, agent)  # type: ignore[misc]
-            for order, agent in enumerate(agents)
-            if getattr(agent, "driver", None) is not None
-        ]
+        vehicles: list[tuple[int, Vehicle]] = [(k, agent) for k, agent in enumerate(agents) if is_vehicle(agent)]
         for _, vehicle in vehicles:
             self._follow(vehicle)
         for overtaken in self._overtaken:

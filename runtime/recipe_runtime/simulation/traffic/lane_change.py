@@ -12,8 +12,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.following import Style, free_acceleration, idm
+from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
 from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
@@ -154,14 +154,12 @@ def _by_lane(
 
 def _band(body: Body, aside: float) -> tuple[float, float]:
     """Return the edges of a body, metres to the left of the path, including a lane change that it has begun."""
-    driver = getattr(body, "driver", None)
-    shift = driver.offset - body.offset if driver is not None else 0.0  # type: ignore[attr-defined]
+    shift = body.driver.offset - body.offset if is_vehicle(body) else 0.0
     return aside - body.radius + min(shift, 0.0), aside + body.radius + max(shift, 0.0)
 
 
 def _neighbour(body: Body, gap: float, tx: float, ty: float) -> Neighbour:
-    driver = getattr(body, "driver", None)
     speed = body.velocity[0] * tx + body.velocity[1] * ty
-    if driver is None:
-        return Neighbour(gap, speed, speed, Style(1.0, 1.5, 1.0, 2.0))
-    return Neighbour(gap, speed, driver.desired, driver.style)
+    if is_vehicle(body):
+        return Neighbour(gap, speed, body.driver.desired, body.driver.style)
+    return Neighbour(gap, speed, speed, Style(1.0, 1.5, 1.0, 2.0))

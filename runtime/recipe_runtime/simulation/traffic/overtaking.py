@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_runtime.body.skeleton import BICYCLE, is_person
-from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import SIDESTEP_SLOPE, Corridor, Obstacle, obstacles
 from recipe_runtime.simulation.traffic.junctions import EMERGING, JunctionControl
+from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # lateral clearance, metres
@@ -183,5 +183,4 @@ def _is_bicycle(body: Body) -> bool:
 
 def is_stalled(body: Body) -> bool:
     """Return whether a body is stationary for a reason of its own: neither in a queue nor at a stop line."""
-    driver = getattr(body, "driver", None)
-    return driver is None or driver.stalled
+    return not is_vehicle(body) or body.driver.stalled

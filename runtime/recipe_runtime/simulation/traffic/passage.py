@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.traffic.agents import Vehicle
 from recipe_runtime.simulation.traffic.following import stopping_distance
+from recipe_runtime.simulation.traffic.protocols import Vehicle
 from recipe_runtime.simulation.traffic.road_map import direction_of
 from recipe_runtime.simulation.traffic.swept_path import Movement
 

@@ -11,9 +11,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import SIDESTEP_SLOPE, Obstacle
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
+from recipe_runtime.simulation.traffic.protocols import Body, Vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 REVERSE_SPEED = 0.8  # m/s, backwards

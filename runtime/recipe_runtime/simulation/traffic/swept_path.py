@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recipe_runtime.body.skeleton import axle_shift
 from recipe_runtime.simulation.path import Path, Point
-from recipe_runtime.simulation.traffic.agents import Body
+from recipe_runtime.simulation.traffic.protocols import Body
 
 Turn = Literal["straight", "left", "right"]
 _POSE_STEP, _TRACTRIX_STEP = 1.0, 0.25  # metres along the path

@@ -1,8 +1,8 @@
-"""The attributes of other agents that drivers read."""
+"""Protocols of other agents: the attributes that drivers read."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from recipe_compiler.ir.plan import ActorPlan
 
@@ -74,3 +74,8 @@ class Vehicle(Body, Protocol):
     @property
     def driver(self) -> Driver:
         """Its driver."""
+
+
+def is_vehicle(body: object) -> TypeGuard[Vehicle]:
+    """Return whether a body has a driver; pedestrians and props have none."""
+    return getattr(body, "driver", None) is not None
