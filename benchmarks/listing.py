@@ -19,7 +19,7 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import real_engines
-from recipe_runtime.frames.source import FrameSource
+from recipe_runtime.frames.source import SceneSource
 
 from benchmarks import simulation
 from benchmarks.stage import write_stage
@@ -115,7 +115,7 @@ def twelve(folder: Path, frames: int) -> Result:
 def warm_up(dataset: DatasetPlan, trace: Trace) -> None:
     """Compile every kernel that a variant needs."""
     for variant in dataset.variants:
-        FrameSource(variant, trace).render(variant.rig.sensors[0].name, 0)
+        list(SceneSource(variant.scene, trace).make(variant.rig.sensors[0], [variant.appearance], [0]))
 
 
 def cold_start(folder: Path) -> float:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,6 +187,14 @@ class Renderer:
         patched: Sequence[AppearancePlan],
     ) -> NoReturn:
         raise AssertionError("a CPU renders its frames one by one")
+
+    def patch_map(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NoReturn:
+        raise AssertionError("it has no patches")
+
+    def patched_frame(
+        self, obs: Seen, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, neighbour: Any = None
+    ) -> NoReturn:
+        raise AssertionError("it has no patches")
 
     def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         grey = (obs.depth.astype(np.int64) + int(appearance.weather.cloudiness) + frame) % 256

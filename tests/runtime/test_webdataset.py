@@ -16,11 +16,11 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import codecs
 from recipe_runtime.dataset.reader import Dataset, read
-from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.transfer import shards
 from recipe_runtime.webdataset import decode
 
 from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan, simulate
+from tests.runtime.frame_source import FrameSource
 from tests.sources import ROOT
 
 PAGE = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8")

@@ -14,8 +14,7 @@ noise: see `lens_light`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,19 +44,6 @@ from recipe_runtime.render.texture.mipmaps import mip_levels
 
 _SAMPLE_BYTES, _TEXEL_BYTES = 150, 16  # of memory, per sample and per texel
 _GRADIENT_BYTES = 450  # of memory, per texel while a gradient is computed
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """The values of a patch's pixels for one texture, and their derivative."""
-
-    values: Values  # [Q, 3], 0 to 1
-    _view: PatchView
-    _derivatives: tuple[Values, ...]
-
-    def backward(self, gradient: Values) -> Values:
-        """Return the gradient [h, w, 3] of the texture of a gradient [Q, 3] of the values."""
-        return self._view.transposed(self._derivatives, gradient)
 
 
 class PatchView:
@@ -96,18 +82,27 @@ class PatchView:
         own = _SAMPLE_BYTES * len(self.gain) + _TEXEL_BYTES * texels
         return self._frame.memory + products + own + self.picture.nbytes
 
-    def linearise(self, texture: Texture) -> Linearised:
-        """Return the values of the pixels for a texture, uint8 or 0 to 1, [h, w, 3], and their derivative."""
+    def _linearised(self, texture: Texture) -> tuple[Values, Callable[[Values], Values]]:
+        """Return the values of the pixels for a texture, [Q, 3], 0 to 1, and the transpose of their derivative.
+
+        The transpose maps a gradient of the values, [Q, 3], to one of the texture, [h, w, 3].
+        """
         light, light_slope = linear_light(as_values(self.patch, texture, self.shape))
         level, saved = self._light.forward(self._radiance(self.mips.forward(light)))
         noisy, noise_slope = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
         values, curve_slope = camera_curve.encoded(noisy, self.curve.encoded)
-        return Linearised(values, self, (light_slope, curve_slope * noise_slope, *saved))
+
+        def transposed(gradient: Values) -> Values:
+            radiance = self._light.backward(saved, gradient * (curve_slope * noise_slope))
+            texels = self.taps.backward(np.ascontiguousarray((radiance * self.gain)[self.samples]))
+            return self.mips.backward(texels) * light_slope
+
+        return values, transposed
 
     def forward(self, texture: Texture) -> Values:
         """Return the picture for a texture, float64 [H, W, 3], 0 to 1; its pixels' values are not rounded."""
         out = self.picture / 255.0
-        out.reshape(-1, 3)[self.pixels] = self.linearise(texture).values
+        out.reshape(-1, 3)[self.pixels] = self._linearised(texture)[0]
         return out
 
     def backward(self, texture: Texture, gradient: Values) -> Values:
@@ -124,7 +119,7 @@ class PatchView:
             InputError: The texture or the gradient does not have the expected shape or type.
         """
         values = as_gradient(self.patch, gradient, self.picture.shape)
-        return self.linearise(texture).backward(values.reshape(-1, 3)[self.pixels])
+        return self._linearised(texture)[1](values.reshape(-1, 3)[self.pixels])
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:
         """Return the rendered picture for a texture, uint8 [H, W, 3], as `Scenario.render` does.
@@ -153,13 +148,6 @@ class PatchView:
         out = self.picture.copy()
         out.reshape(-1, 3)[self.pixels] = camera_curve.rounded(noisy, self.curve.rounded)
         return out
-
-    def transposed(self, derivatives: tuple[Values, ...], gradient: Values) -> Values:
-        """Return the gradient of the texture; `derivatives` are those that `linearise` saved."""
-        light_slope, curve_slope, *saved = derivatives
-        radiance = self._light.backward(tuple(saved), gradient * curve_slope)
-        texels = self.taps.backward(np.ascontiguousarray((radiance * self.gain)[self.samples]))
-        return self.mips.backward(texels) * light_slope
 
     def _radiance(self, texels: Values) -> Values:
         radiance = self.offset.copy()

@@ -53,17 +53,13 @@ class SceneRenderer(Protocol):
         `patched` are the appearances whose patches it numbers in each frame.
         """
 
-
-class PatchRenderer(Protocol):
-    """A renderer of scenes with patches."""
-
     def patch_map(self, obs: Any, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
 
     def patched_frame(
         self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, neighbour: Any = None
     ) -> Any:
-        """Return a frame that can be rendered with other textures; arguments are those of `SceneRenderer.shade`."""
+        """Return a frame that can be rendered with other textures; arguments are those of `shade`."""
 
 
 @dataclass(frozen=True)

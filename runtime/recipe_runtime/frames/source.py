@@ -9,22 +9,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import digest
-from recipe_compiler.ir.modalities import LABEL_MODALITIES
-from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.plan import AppearancePlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.objects import Annotator
 from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import sensor_transform
-from recipe_runtime.frames.engines import Engines, PatchRenderer, SceneRenderer, real_engines
+from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
 from recipe_runtime.frames.scene_motion import SceneMotion
 from recipe_runtime.insertion.inserter import Inserter
 
@@ -129,6 +127,8 @@ class SceneSource:
 
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[np.uint8]:
         """Return the colour image of an observation, with inserted textures, uint8 [H, W, 3] sRGB."""
+        if not any(patch.inserted for patch in appearance.patches):
+            return self.shade_scene(seen, appearance, sensor, frame)
         return self.inserter.picture(_ObservedFrame(self, seen, sensor, frame), appearance, sensor, frame)
 
     def shade_scene(
@@ -143,8 +143,7 @@ class SceneSource:
         """Return the frame of an observation for rendering with other textures on its patches."""
         time, blur = frame / self.scene.clock.fps, self._blur_from(appearance, sensor, frame)
         with self._discard_if_interrupted():
-            renderer = cast("PatchRenderer", self.renderer)
-            made: PatchedFrame = renderer.patched_frame(seen, appearance, sensor.name, frame, time, **blur)
+            made: PatchedFrame = self.renderer.patched_frame(seen, appearance, sensor.name, frame, time, **blur)
         return made
 
     def _blur_from(self, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> dict[str, object]:
@@ -157,7 +156,7 @@ class SceneSource:
     def patch_map(self, seen: Observed, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
         with self._discard_if_interrupted():
-            return cast("PatchRenderer", self.renderer).patch_map(seen, appearance, frame)
+            return self.renderer.patch_map(seen, appearance, frame)
 
     @contextmanager
     def _discard_if_interrupted(self) -> Iterator[None]:
@@ -235,35 +234,3 @@ class _ObservedFrame:
 
     def patch_map(self, appearance: AppearancePlan) -> NDArray[np.uint8]:
         return self.source.patch_map(self.seen, appearance, self.frame)
-
-
-class FrameSource:
-    """The frames of one variant. Variants of one scene may share `source`, and so one renderer."""
-
-    def __init__(
-        self,
-        scenario: ScenarioPlan,
-        trace: Trace,
-        device: str = "cpu",
-        *,
-        engines: Engines | None = None,
-        source: SceneSource | None = None,
-    ) -> None:
-        self.scenario = scenario
-        self.source = source or SceneSource(scenario.scene, trace, device=device, engines=engines)
-        self._sensors = {sensor.name: sensor for sensor in scenario.rig.sensors}
-
-    def render(self, sensor: str, frame: int) -> dict[str, NDArray[np.generic]]:
-        """Return the captured modalities of one frame, as arrays for `pixel_digest`."""
-        return self.render_labelled(sensor, frame)[0]
-
-    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[np.generic]], LabelledFrame]:
-        """Return the captured modalities of one frame, and its labels."""
-        plan = self._sensors[sensor]
-        seen = self.source.observe(plan, frame)
-        arrays: dict[str, NDArray[np.generic]] = {
-            m: label_array(seen, m) for m in LABEL_MODALITIES if m in plan.capture
-        }
-        if "rgb" in plan.capture:
-            arrays["rgb"] = self.source.shade(seen, self.scenario.appearance, plan, frame)
-        return arrays, self.source.labels(seen, plan, frame)

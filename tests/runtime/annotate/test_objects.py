@@ -20,9 +20,9 @@ from recipe_runtime.build.journal import FolderJournal
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
 from recipe_runtime.dataset.schedule import all_shards, views
-from recipe_runtime.frames.source import FrameSource
 
 from tests.runtime.fakes import ENGINES, NO_LABELS, actor_bodies, dataset_plan, simulate
+from tests.runtime.frame_source import FrameSource
 
 
 def pictures() -> list[NDArray[np.uint16]]:

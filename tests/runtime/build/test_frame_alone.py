@@ -45,7 +45,7 @@ from pathlib import Path
 from recipe_compiler.compile import compile_recipe
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.core.modalities import pixel_digest
-from recipe_runtime.frames.source import FrameSource
+from tests.runtime.frame_source import FrameSource
 from recipe_runtime.simulation.process import simulate
 recipe, wanted = json.loads(sys.stdin.read())
 plans = {v.variant: v for v in compile_recipe(Path(recipe)).plan.variants}

@@ -27,10 +27,10 @@ from recipe_runtime.core import codecs, files
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, all_shards
 from recipe_runtime.frames.engines import Engines
-from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.verify import locking
 
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, NOTED, UNLOADABLE, dataset_plan, sensor_plan, simulate, tree
+from tests.runtime.frame_source import FrameSource
 
 ROOT = Path(__file__).parents[3]
 PLAN = dataset_plan(frames=8)  # the broken renderers fail at frame 7

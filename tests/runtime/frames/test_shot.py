@@ -18,7 +18,6 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames import engines
 from recipe_runtime.frames.shot import shot
-from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.meshes import actors
 from recipe_runtime.meshes.mesh import Mesh
 from recipe_runtime.meshes.pedestrian import pedestrian_parts
@@ -26,6 +25,7 @@ from recipe_runtime.meshes.vehicle import vehicle_parts
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES, dataset_plan, simulate
+from tests.runtime.frame_source import FrameSource
 
 Parts = tuple[tuple[str, Mesh], ...]
 FRAMES = 12

@@ -13,9 +13,9 @@ from recipe_compiler.ir.semantic_tags import Tag
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.frames.scene_motion import SceneMotion
-from recipe_runtime.frames.source import FrameSource
 
 from tests.compiler.kitchen import only, small
+from tests.runtime.frame_source import FrameSource
 
 
 def no_motion(frames: int) -> Trace:
