@@ -61,10 +61,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
-    start = time.perf_counter()
+def test_help_lists_every_command(tmp_path: Path) -> None:
     shown = run("--help", cwd=tmp_path)
-    assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; importing an engine takes longer
     for name in (
         "init",
         "check",
