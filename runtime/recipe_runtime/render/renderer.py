@@ -88,8 +88,9 @@ class Renderer:
         neighbour: NeighbourFrame | None = None,
     ) -> PatchedFrame:
         """Return the frame for rendering with other textures on its patches; arguments are those of `shade`."""
-        which = obs, appearance, sensor_name, frame, time, neighbour
-        return PatchedFrame(self._camera, self._images, *which, self._device)
+        return PatchedFrame(
+            self._camera, self._images, obs, appearance, sensor_name, frame, time, neighbour, self._device
+        )
 
     def frame_stream(
         self,

@@ -98,8 +98,9 @@ class CameraPass:
             cover = self._rain(undistorted, appearance.seed, light, time)
         key = noise_key(appearance.seed, sensor, frame)
         r = response_of(response, self._exposure(obs, light), key, obs.camera)
-        by_pixel = points.starts, points.groups, points.weights
-        exposed = Exposed(found.light.shown, *by_pixel, cover, streak_radiance(light))
+        exposed = Exposed(
+            found.light.shown, points.starts, points.groups, points.weights, cover, streak_radiance(light)
+        )
         return ExposedFrame(undistorted, points, light, found, exposed, response, r)
 
     def developed(self, taken: ExposedFrame, camera: CameraPlan) -> DeviceArray:

@@ -54,8 +54,9 @@ class ReflectionPass:
         passes.trace_rays(samples, found.light.mirror, view, rays_previous, sums, found.rays, self._device)
         dirty = self._stale(samples, air, previous, found) if shared_count and self._reuse else all_samples()
         threads, dirty_record = thread_count(dirty, points.count), struct_array([dirty], self._device)
-        place = found.rays, previous, dirty_record, found.light, found.sources
-        passes.reflect(threads, samples, air, view, *place, self._device)
+        passes.reflect(
+            threads, samples, air, view, found.rays, previous, dirty_record, found.light, found.sources, self._device
+        )
 
     def _stale(self, samples: DeviceArray, air: DeviceArray, previous: DeviceArray, found: SampleLight) -> DirtySamples:
         """Return the samples whose reflection may have changed since the earlier frame."""
@@ -64,8 +65,9 @@ class ReflectionPass:
             passes.collect_reflective(samples, found.light.mirror, found.kept, count, listed, self._device)
             found.reflective = wp.clone(listed[: int(count.numpy()[0])])
         count, listed = self._list.begin(found.kept)
-        frame = samples, air, previous, found.reflective, found.ring_step, found.sources
-        passes.stale_reflections(*frame, count, listed, self._device)
+        passes.stale_reflections(
+            samples, air, previous, found.reflective, found.ring_step, found.sources, count, listed, self._device
+        )
         return listed_samples(count, listed, found.kept)
 
     def _sums(self, obs: Observation) -> DeviceArray:

@@ -82,8 +82,9 @@ class ShadingPass:
             previous = struct_array([before], self._device)
             dirty = self._dirty(points, previous, air, found) if before.shared_count else all_samples()
             threads = thread_count(dirty, points.count)
-            reused = previous, struct_array([dirty], self._device), found.light
-            passes.shade_samples(threads, samples, lights, *reused, self._device)
+            passes.shade_samples(
+                threads, samples, lights, previous, struct_array([dirty], self._device), found.light, self._device
+            )
         if light.wet:
             with self._timings("reflect"):
                 self._reflection.reflect(obs, points, samples, air, previous, int(before.shared_count), found)
@@ -105,8 +106,9 @@ class ShadingPass:
         """Return the samples whose light may have changed since the earlier frame."""
         assert points.base is not None
         count, listed = self._list.begin(points.base.count)
-        inputs = points.base.firsts, air, previous, found.light.reuse_class
-        passes.collect_dirty(*inputs, found.quiet, count, listed, self._device)
+        passes.collect_dirty(
+            points.base.firsts, air, previous, found.light.reuse_class, found.quiet, count, listed, self._device
+        )
         return listed_samples(count, listed, points.base.count)
 
     def _prepare(
@@ -123,8 +125,9 @@ class ShadingPass:
             before.tiles = wp.empty(lights.lists.tiles, dtype=wp.int32, device=self._device)
             set_fields(before, sky=int(cached.clouds == clouds), shared_count=base.count, leaf_step=cached.leaf_step)
             needed = 1 + (2 + int(UNSHADOWED)) * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
-            lists = lights.lamps, cached.lists, lights.lists
-            passes.compare_tiles(*lists, base.boxes, lights.beams, needed, before.tiles, self._device)
+            passes.compare_tiles(
+                lights.lamps, cached.lists, lights.lists, base.boxes, lights.beams, needed, before.tiles, self._device
+            )
             found, cached.lists, cached.clouds = cached, lights.lists, clouds
         else:
             capacity, kept = points.count, 0
@@ -132,8 +135,9 @@ class ShadingPass:
                 # (On a GPU it is quicker to shade all samples than to find the dirty ones.)
                 capacity, room = base.columns.capacity, len(base.lights) < _SAMPLE_LIGHT_CACHE_SIZE
                 kept = base.count if room and name and self._device == "cpu" and self._reuse else 0
-            weather = light.wet, float(light.air.night) > 0.0
-            found = SampleLight.empty(camera, capacity, kept, lights.lists, clouds, *weather, self._device)
+            found = SampleLight.empty(
+                camera, capacity, kept, lights.lists, clouds, light.wet, float(light.air.night) > 0.0, self._device
+            )
         found.leaf_step = int(light.air.leaf_step)
         set_fields(before, kept_count=found.kept, stale=found.pixels.stale)
         lamps = {"lamp_light": found.lamps.light, "lamp_shine": found.lamps.shine, "lamp_known": found.lamps.known}

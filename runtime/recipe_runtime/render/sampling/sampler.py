@@ -117,8 +117,17 @@ class Sampler:
     def _without_base(self, obs: Observation, antialias: bool) -> FrameSamples:
         fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
         scene, groups, starts = self._scene(obs), self._pixels(obs), self._pixels(obs)
-        inputs = obs.keys, fine, struct_array([StaticSamples()], self._device), groups, starts
-        columns, count = self._emit(obs, scene, antialias, all_tiles(obs.camera), *inputs)
+        columns, count = self._emit(
+            obs,
+            scene,
+            antialias,
+            all_tiles(obs.camera),
+            obs.keys,
+            fine,
+            struct_array([StaticSamples()], self._device),
+            groups,
+            starts,
+        )
         self._evaluate(obs, scene, columns, 0, count)
         return FrameSamples(_data(obs, columns, scene), groups, starts, columns.weights, count, None)
 
@@ -130,14 +139,18 @@ class Sampler:
         if antialias:
             still.fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2, still=True)
         still.groups, still.starts = self._pixels(obs), self._pixels(obs)
-        inputs = (
+        columns, count = self._emit(
+            obs,
+            scene,
+            antialias,
+            all_tiles(obs.camera),
             still.coarse,
             still.fine,
             struct_array([StaticSamples()], self._device),
             still.groups,
             still.starts,
+            room=room,
         )
-        columns, count = self._emit(obs, scene, antialias, all_tiles(obs.camera), *inputs, room=room)
         self._evaluate(obs, scene, columns, 0, count)
         set_fields(still, available=1)
         fine, groups, starts = (wp.clone(a) for a in (still.fine, still.groups, still.starts))
@@ -164,8 +177,18 @@ class Sampler:
             self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
         tiles = np.union1d(before, obs.touched).astype(np.int32)
-        arrays = obs.keys, fine, struct_array([base.still], self._device), base.groups, base.starts
-        columns, count = self._emit(obs, scene, antialias, tiles, *arrays, base=base)
+        columns, count = self._emit(
+            obs,
+            scene,
+            antialias,
+            tiles,
+            obs.keys,
+            fine,
+            struct_array([base.still], self._device),
+            base.groups,
+            base.starts,
+            base=base,
+        )
         self._evaluate(obs, scene, columns, base.count, count - base.count)
         points = FrameSamples(_data(obs, columns, scene), base.groups, base.starts, columns.weights, count, base)
         base.tenant, base.touched = points, obs.touched
@@ -191,8 +214,9 @@ class Sampler:
         first = 0 if base is None else base.count
         counts = wp.empty(size, dtype=wp.int32, device=self._device)
         with self._timings("group samples"):
-            outputs = groups, starts, counts
-            passes.count_samples(corners, coarse, fine, camera, side, scene, still, *outputs, self._device)
+            passes.count_samples(
+                corners, coarse, fine, camera, side, scene, still, groups, starts, counts, self._device
+            )
             found = counts.numpy()
             ends = np.cumsum(found, dtype=np.int32) + np.int32(first)
             count = int(ends[-1]) if size else first
