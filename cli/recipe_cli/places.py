@@ -229,16 +229,34 @@ def _check_stores_files(folder: Path, parent: Path) -> None:
         ) from None
 
 
-def check_bytes(dataset: Dataset, *, copies: int = 0, allow_large: bool = False) -> int:
+def check_cost(plan: DatasetPlan, name: str, remedy: str, *, allow_large: bool = False) -> None:
+    """Check that rendering the plan of a dataset, which is untrusted, does not exceed the limits of a recipe.
+
+    Args:
+        plan: the plan.
+        name: the dataset's, for the message.
+        remedy: the remedy of the message.
+        allow_large: check nothing.
+
+    Raises:
+        InputError: its estimate exceeds a limit, and `allow_large` is not set.
+    """
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.lowering.workload import plan_cost
+
+    reasons = [] if allow_large else plan_cost(plan).over()
+    if reasons:
+        raise InputError(f"{name}: to render its plan, {', and '.join(reasons)}", help=remedy, code=Code.SIZE_LIMIT)
+
+
+def check_bytes(dataset: Dataset, *, copies: int = 0, more: int = 0, allow_large: bool = False) -> None:
     """Check that a dataset, which is untrusted and whose files are all to be read, is not very large.
 
     Args:
         dataset: the dataset.
         copies: how many times a file is written, at most, under each of its names; 0 if files are only read.
+        more: bytes that are written besides.
         allow_large: check nothing.
-
-    Returns:
-        The bytes of its files, times `copies`.
 
     Raises:
         InputError: these are more bytes than those of a recipe may have, and `allow_large` is not set.
@@ -251,7 +269,7 @@ def check_bytes(dataset: Dataset, *, copies: int = 0, allow_large: bool = False)
         with suppress(OSError):
             there = (dataset.root / path).lstat()
             sizes[path if copies else (there.st_dev, there.st_ino)] = there.st_size
-    total = sum(sizes.values()) * max(copies, 1)
+    total = sum(sizes.values()) * max(copies, 1) + more
     if total > BYTE_LIMIT and not allow_large:
         times = f", written up to {copies} times" if copies > 1 else ""
         raise InputError(
@@ -259,7 +277,6 @@ def check_bytes(dataset: Dataset, *, copies: int = 0, allow_large: bool = False)
             help="give --allow-large if that is expected",
             code=Code.SIZE_LIMIT,
         )
-    return total
 
 
 def memory(workers: int) -> Memory:

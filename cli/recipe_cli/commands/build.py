@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,13 +42,11 @@ from recipe_cli.places import (
 )
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import url_with_one_slash
-from recipe_cli.work_guard import disk_bound, within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
-    from recipe_compiler.limits import Cost
     from recipe_runtime.build.pipeline import BuildResult
     from recipe_runtime.build.recipe_files import RecipeFiles
     from recipe_runtime.build.resume import Runner
@@ -70,11 +68,6 @@ class Request:
     device: str
     workers: int | None
     allow_large: bool
-
-    def within_estimate(self, cost: Cost, workers: int) -> AbstractContextManager[None]:
-        """The context that stops a build far over its estimate; a cluster's memory is not this host's."""
-        measured = None if self.ray else workers
-        return within_estimate("the build", cost, workers=measured, device=self.device, allow_large=self.allow_large)
 
 
 @dataclass(frozen=True)
@@ -224,23 +217,21 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
     workers = (request.workers or 0) if request.ray else worker_count(request.workers, request.device)
     try:
         with Progress() as progress, _runner(request.ray) as run:
-            with request.within_estimate(compiled.cost, workers):
-                result = build(
-                    compiled.plan,
-                    inputs.folder,
-                    workers=workers,
-                    progress=progress,
-                    device=request.device,
-                    engines=engines_for(compiled),
-                    explain=reasons.extend,
-                    run=run,
-                    repair=request.repair,
-                    source=request.source,
-                    replace=request.replace,
-                    recipe_files=inputs.files,
-                    used=inputs.used,
-                    written=disk_bound("the build", compiled.cost.bytes, allow_large=request.allow_large),
-                )
+            result = build(
+                compiled.plan,
+                inputs.folder,
+                workers=workers,
+                progress=progress,
+                device=request.device,
+                engines=engines_for(compiled),
+                explain=reasons.extend,
+                run=run,
+                repair=request.repair,
+                source=request.source,
+                replace=request.replace,
+                recipe_files=inputs.files,
+                used=inputs.used,
+            )
             copied = target.put(progress, replace=request.replace) if target else None
     except KeyboardInterrupt:
         what, remedy = build_report.interruption(compiled.plan, inputs.folder, request.repair, target)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -12,9 +11,8 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, output_option, replace_option
 from recipe_cli.console import print_json, say, warn
-from recipe_cli.places import check_bytes
+from recipe_cli.places import check_bytes, check_cost
 from recipe_cli.progress import Progress
-from recipe_cli.work_guard import dataset_cost, disk_bound, within_estimate
 
 if TYPE_CHECKING:
     from recipe_runtime.dataset.reader import Dataset
@@ -22,7 +20,7 @@ if TYPE_CHECKING:
 
 _MAX_SHARD = 1 << 50  # bytes
 _COPIES = {"armory": 4}  # of a picture in an export: one for each layout
-_FILE_BYTES = 4096  # of headers and text in an export, for each file of the dataset
+_POSE_BYTES = 48  # of a frame without a picture in an export for KITTI
 _MAX_NAMES = 20  # of sensors in a warning
 
 
@@ -86,13 +84,12 @@ def command(
             code=Code.OUT_OF_RANGE,
         )
     found = read(dataset)
-    with _bounded(found, _COPIES.get(form, 1), allow_large=allow_large) as written:
-        if form != "webdataset":
-            chosen = cast("Layout", form)
-            _export_layout(found, folder, chosen, patch, replace=replace, as_json=as_json, written=written)
-            return
-        with Progress(quiet=as_json) as progress:
-            index = shards.webdataset(found, folder, progress, shard_bytes, replace=replace, written=written)
+    _check_size(found, form, allow_large=allow_large)
+    if form != "webdataset":
+        _export_layout(found, folder, cast("Layout", form), patch, replace=replace, as_json=as_json)
+        return
+    with Progress(quiet=as_json) as progress:
+        index = shards.webdataset(found, folder, progress, shard_bytes, replace=replace)
     if as_json:
         print_json(index)
         return
@@ -103,25 +100,14 @@ def command(
     say(index["dataset"])
 
 
-@contextmanager
-def _bounded(dataset: Dataset, copies: int, *, allow_large: bool) -> Iterator[Callable[[int], None]]:
-    """Yield a function that adds up the bytes that an export writes, and stop an export far over its estimate.
+def _check_size(dataset: Dataset, form: str, *, allow_large: bool) -> None:
+    """Raise InputError if an export of a dataset, which is untrusted, exceeds the limits of a recipe.
 
-    The dataset is untrusted: few bytes may hold large pictures, or sensors whose frames are far apart.
-
-    Args:
-        dataset: the dataset.
-        copies: how many times the export writes a picture, at most.
-        allow_large: bound nothing.
+    Few bytes may hold large pictures, or sensors whose frames are far apart.
     """
-    from recipe_runtime.transfer.export_folder import ignore_bytes
-
-    total = check_bytes(dataset, copies=copies, allow_large=allow_large)
-    remedy = "give --allow-large if that is expected"
-    cost = dataset_cost(dataset.plan, f"{dataset.name}: to render its plan", remedy, allow_large=allow_large)
-    written = disk_bound("the export", total + _FILE_BYTES * len(dataset.files), allow_large=allow_large)
-    with within_estimate("the export", cost, workers=1, allow_large=allow_large):
-        yield written or ignore_bytes
+    clips = sum(v.scene.clock.frames * len(v.rig.sensors) for v in dataset.plan.variants) if form == "kitti" else 0
+    check_bytes(dataset, copies=_COPIES.get(form, 1), more=clips * _POSE_BYTES, allow_large=allow_large)
+    check_cost(dataset.plan, dataset.name, "give --allow-large if that is expected", allow_large=allow_large)
 
 
 def _export_layout(
@@ -132,14 +118,13 @@ def _export_layout(
     *,
     replace: bool,
     as_json: bool,
-    written: Callable[[int], None],
 ) -> None:
     """Export to the layout of a benchmark, and report."""
     from recipe_compiler.limits import size
     from recipe_runtime.transfer import layouts
 
     with Progress(quiet=as_json) as progress:
-        made = layouts.export_layout(dataset, folder, form, progress, patch=patch, replace=replace, written=written)
+        made = layouts.export_layout(dataset, folder, form, progress, patch=patch, replace=replace)
     if form == "kitti":
         _warn_of_distortion(dataset)
     total = sum(cast("int", row[0]) for row in made["files"].values())

@@ -25,7 +25,6 @@ from recipe_cli.arguments import (
 from recipe_cli.console import fail, print_json, say
 from recipe_cli.places import check_lockfile_is_of, check_utf8, lockfile_path, source_of, used_files
 from recipe_cli.progress import Progress
-from recipe_cli.work_guard import within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -141,15 +140,8 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     source = source_of(recipe, path)
     motion: dict[str, Trace] = {}
     known = known_frames(compiled.plan)
-    measured = within_estimate(
-        "locking",
-        compiled.cost,
-        workers=options.workers,
-        device=options.device,
-        allow_large=options.allow_large,
-    )
     try:
-        with Progress() as progress, measured:
+        with Progress() as progress:
             made = lock(
                 compiled.plan,
                 source,

@@ -25,7 +25,6 @@ from recipe_cli.arguments import (
 from recipe_cli.console import print_json, say
 from recipe_cli.places import used_files
 from recipe_cli.progress import Progress
-from recipe_cli.work_guard import within_estimate
 
 if TYPE_CHECKING:
     from recipe_runtime.frames.shot import Shot
@@ -89,8 +88,7 @@ def command(
         if output is not None:
             check_output(output, replace=replace)
             check_not_input(output, used_files(recipe, compiled))
-        measured = within_estimate("the shot", compiled.cost, workers=1, device=device, allow_large=allow_large)
-        with Progress(quiet=as_json) as progress, measured:
+        with Progress(quiet=as_json) as progress:
             engines = engines_for(compiled, partial(progress, "simulate"))
             made = shot(scenario, sensor, frame, modality, engines=engines, device=device, progress=progress)
         name = _name(plan.recipe, scenario.variant, made)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +29,7 @@ from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, stat
 from recipe_cli.places import (
     FOLDER,
     check_bytes,
+    check_cost,
     check_default_folder,
     check_lockfile_is_of,
     check_outside_datasets,
@@ -37,12 +38,9 @@ from recipe_cli.places import (
 )
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
-from recipe_cli.work_guard import dataset_cost, within_estimate
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
-    from recipe_compiler.ir.plan import DatasetPlan
-    from recipe_compiler.limits import Cost
     from recipe_runtime.verify.verdict import Report
     from recipe_runtime.verify.verify import Options
 
@@ -255,19 +253,6 @@ def _integrity(target: Path | str, options: Options) -> Report:
         return verify_files(dataset, options, progress)
 
 
-def _checked_cost(plan: DatasetPlan, name: str, allow_large: bool) -> Cost:
-    """Return the most that a dataset's plan may cost; InputError if it exceeds the limits."""
-    remedy = "pass --allow-large if that is meant, or hash the files alone (--integrity)"
-    return dataset_cost(plan, f"{name}: to render its plan", remedy, allow_large=allow_large)
-
-
-def _within_estimate(cost: Cost, options: Options) -> AbstractContextManager[None]:
-    """The context that stops a verification far over the estimate of the whole dataset."""
-    return within_estimate(
-        "verifying", cost, workers=options.workers, device=options.device, allow_large=options.allow_large
-    )
-
-
 def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
     from recipe_compiler.ir import lockfile
     from recipe_runtime.cache.store import default_cache
@@ -278,7 +263,8 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
     with Progress() as progress, ExitStack() as stack:
         if not isinstance(target, Path) or target.is_dir():
             folder = reader.read(stack.enter_context(dataset_at(target, progress)), shown(target))
-            stack.enter_context(_within_estimate(_checked_cost(folder.plan, shown(target), allow_large), options))
+            remedy = "pass --allow-large if that is meant, or hash the files alone (--integrity)"
+            check_cost(folder.plan, shown(target), remedy, allow_large=allow_large)
             return verify(folder.plan, folder.lock, options, progress, dataset=folder, cache=default_cache())
         held = None
         if against is not None:
@@ -292,7 +278,6 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
             if held is None or lock is not held.lock:
                 check_lockfile_is_of(target, compiled.plan, path, lock)
-        stack.enter_context(_within_estimate(compiled.cost, options))
         held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces, trace_bundle.size_limits(compiled.plan))
         return verify(
             compiled.plan,

@@ -93,7 +93,6 @@ def build(
     replace: bool = False,
     recipe_files: RecipeFiles | None = None,
     used: Collection[Path] = (),
-    written: Callable[[int], None] | None = None,
 ) -> BuildResult:
     """Build a dataset in the folder `out`, or return at once if it exists already.
 
@@ -116,8 +115,6 @@ def build(
         replace: whether the dataset of another recipe may be replaced.
         recipe_files: files to put into the dataset's `recipe/` folder.
         used: the paths of the recipe's files and of its lockfile.
-        written: called with the bytes of the dataset's files as they are written or resumed; what it raises ends the
-            build.
 
     Raises:
         InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe;
@@ -127,7 +124,7 @@ def build(
     """
     places = devices(device) if run is local.run else (device,)  # nodes of a cluster may have other devices
     job = Job(dataset, engines or real_engines(), places, cache or default_cache(), None, resumes=True)
-    stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain, written)
+    stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain)
     pruned = [job.cache] if cache else pruning.folders()
     sources = _Sources(source, recipe_files, used)
     return _build(stages, plain_path(out.absolute()), sources, pruned, repair=repair, replace_other=replace)
@@ -176,7 +173,7 @@ def _build(
     trusted = not damage or earlier(store, out) is not None
     with (
         pruning.leased(store.root),
-        _workspace(dataset, out, journal_key(store.root), replace_other, stages.written, there) as work,
+        _workspace(dataset, out, journal_key(store.root), replace_other, there) as work,
     ):
         counts, manifest = stages.run_all(work, out, files)
     if trusted:
@@ -210,11 +207,10 @@ def _workspace(
     out: Path,
     key: bytes,
     replace: bool = False,
-    written: Callable[[int], None] | None = None,
     there: tuple[int, int, int] | None = None,
 ) -> Workspace:
     job: BuildJob = {**head(dataset), "builder": builder_identity()}
-    return Workspace(out, job, replace=replace, key=key, written=written, there=there)
+    return Workspace(out, job, replace=replace, key=key, there=there)
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:
@@ -242,7 +238,6 @@ class _Stages:
     shard_frames: int
     run: Runner
     explain: Callable[[list[str]], None] | None
-    written: Callable[[int], None] | None
     examined: Examined | None = None  # the dataset to repair
     timings: Timings = field(default_factory=Timings)
 

@@ -20,7 +20,7 @@ import hmac
 import json
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -71,7 +71,6 @@ class Workspace:
         job: what is built; None for `settle`, which does not resume work.
         replace: whether another recipe's unfinished work may be discarded.
         key: the key of the seals of job and records (`cache.journal_key`). Work sealed with another key is not resumed.
-        written: called with the bytes of files that are written or resumed.
         there: the stamp of the dataset at `out` that may be replaced (`manifest_reader.stamp`).
     """
 
@@ -82,11 +81,9 @@ class Workspace:
         *,
         replace: bool = False,
         key: bytes = b"",
-        written: Callable[[int], None] | None = None,
         there: tuple[int, int, int] | None = None,
     ) -> None:
         self.out, self._there = out, there
-        self._written = written or (lambda amount: None)
         self._recipe, self._replace = job and job["recipe"], replace
         seal = hmac.new(key, pretty(job).encode(), "sha256").digest()
         self._job = pretty({**(job or {}), "seal": seal.hex()})
@@ -124,8 +121,6 @@ class Workspace:
             whole = all(self._holds(path, row[0], row[1]) for path, row in rows)
         except (OSError, *DAMAGE):
             return None
-        if whole:
-            self._count_records(records)
         return records if whole else None
 
     def noted(self, shard: Shard, view: View) -> bool:
@@ -150,15 +145,9 @@ class Workspace:
         """Record that a shard's files are in place."""
         with host_errors(str(self._partial), _REMEDY):
             self._shards.write(shard, view, records)
-        self._count_records(records)
-
-    def _count_records(self, records: Sequence[FrameRecord]) -> None:
-        for record in records:
-            self._written(sum({row[1]: row[0] for row in record["files"].values()}.values()))  # equal files are linked
 
     def write(self, path: str, body: bytes) -> None:
         """Write one of the dataset's files."""
-        self._written(len(body))
         with host_errors(f"{self._partial}: {path}", _REMEDY):
             write_atomic(self.dataset / path, body)
 
@@ -167,7 +156,6 @@ class Workspace:
         size, hasher = 0, hashlib.sha256()
         with host_errors(f"{self._partial}: {path}", _REMEDY), atomic_file(self.dataset / path) as file:
             for piece in pieces:
-                self._written(len(piece))
                 file.write(piece)
                 hasher.update(piece)
                 size += len(piece)

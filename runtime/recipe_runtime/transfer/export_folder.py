@@ -206,10 +206,6 @@ def holds_files(out: Path, rows: Iterable[tuple[str, int, str]], dataset: Datase
     return all(has_content(out, path, size, sha256) for path, size, sha256 in known)
 
 
-def ignore_bytes(_: int) -> None:
-    """Take the number of bytes that an export writes, and do nothing: the default of exports."""
-
-
 def is_empty(folder: Path) -> bool:
     """Return whether a path is an empty folder."""
     return folder.is_dir() and not any(folder.iterdir())

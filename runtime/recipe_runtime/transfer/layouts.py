@@ -33,7 +33,6 @@ from recipe_runtime.transfer import armory
 from recipe_runtime.transfer.export_folder import (
     check_destination,
     holds_files,
-    ignore_bytes,
     is_empty,
     publish,
     read_index,
@@ -70,7 +69,6 @@ def export_layout(
     *,
     patch: str | None = None,
     replace: bool = False,
-    written: Callable[[int], None] = ignore_bytes,
 ) -> LayoutIndex:
     """Export all frames of a dataset, and return the index of the files.
 
@@ -81,7 +79,6 @@ def export_layout(
         progress: called to report progress.
         patch: for armory, the name of the patch to export; the first of each variant if None.
         replace: whether an existing export may be replaced.
-        written: called with the number of bytes before they are written; may raise.
 
     Raises:
         InputError: `out` exists and is not an export, a file of the dataset is damaged, or it lacks the patch.
@@ -106,8 +103,8 @@ def export_layout(
         files: dict[str, list[int | str]] = {}
         for done, sequence in enumerate(sequences):
             progress("export", done, len(sequences))
-            files.update(_write(work, path, content, written) for path, content in entries(sequence))
-        files.update(_write(work, path, content, written) for path, content in _LISTS[form](sequences))
+            files.update(_write(work, path, content) for path, content in entries(sequence))
+        files.update(_write(work, path, content) for path, content in _LISTS[form](sequences))
         progress("export", len(sequences), len(sequences))
         index = cast("LayoutIndex", {"format": _FORMAT, **made_from, "files": dict(sorted(files.items()))})
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
@@ -170,15 +167,12 @@ _LISTS: dict[Layout, Callable[[list[ExportSequence]], Iterator[Entry]]] = {
 }
 
 
-def _write(
-    work: Path, path: str, content: bytes | Iterable[str], written: Callable[[int], None]
-) -> tuple[str, list[int | str]]:
+def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, list[int | str]]:
     """Write a file, and return its row of the index."""
     target, hasher, size = work / path, hashlib.sha256(), 0
     target.parent.mkdir(parents=True, exist_ok=True)
     with target.open("wb") as file:
         for piece in [content] if isinstance(content, bytes) else (text.encode() for text in content):
-            written(len(piece))
             file.write(piece)
             hasher.update(piece)
             size += len(piece)

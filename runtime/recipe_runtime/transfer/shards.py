@@ -16,7 +16,7 @@ import hashlib
 import io
 import re
 import tarfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypedDict, cast
@@ -35,7 +35,6 @@ from recipe_runtime.transfer.export_folder import (
     MARKER,
     check_destination,
     holds_files,
-    ignore_bytes,
     is_empty,
     publish,
     read_index,
@@ -106,7 +105,6 @@ def webdataset(
     shard_bytes: int = SHARD_BYTES,
     *,
     replace: bool = False,
-    written: Callable[[int], None] = ignore_bytes,
 ) -> ExportIndex:
     """Export all frames of a dataset, and return the index.
 
@@ -117,7 +115,6 @@ def webdataset(
         shard_bytes: the size limit of a shard. A shard is closed before the sample that would exceed it, so only one
             with a single sample can be larger.
         replace: whether an existing export may be replaced.
-        written: called with the number of bytes before they are written; may raise.
 
     Raises:
         InputError: `out` exists and is not an export, or a file of the dataset is damaged.
@@ -144,7 +141,7 @@ def webdataset(
             code=Code.OUTPUT_IN_THE_WAY,
         )
     with host_errors(str(out), _REMEDY), work_folder(out, _has_only_shards) as work:
-        rows = _write(dataset, work, progress, shard_bytes, written)
+        rows = _write(dataset, work, progress, shard_bytes)
         index: ExportIndex = {
             "format": _FORMAT,
             "dataset": dataset.lock.identity,
@@ -162,9 +159,7 @@ def _has_only_shards(work: Path) -> bool:
     return names and all(regular_file(work, path.name) for path in found)
 
 
-def _write(
-    dataset: Dataset, work: Path, progress: Progress, shard_bytes: int, written: Callable[[int], None]
-) -> list[ShardRecord]:
+def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[ShardRecord]:
     total = sum(len(s.frames(v.scene.clock.frames)) for v in dataset.plan.variants for s in v.rig.sensors)
     rows: list[ShardRecord] = []
     shard, filled = _Shard(_shard_path(dataset, work, 0)), 0
@@ -174,7 +169,6 @@ def _write(
             if shard.samples and filled + size + tarfile.RECORDSIZE > shard_bytes:
                 rows.append(shard.close())
                 shard, filled = _Shard(_shard_path(dataset, work, len(rows))), 0
-            written(size)
             shard.add(sample)
             filled += size
             progress("export", done, total)
