@@ -20,7 +20,6 @@ ALLOWED_IMPORTS = {
     ("recipe_runtime/build/ray.py", "socket"): "whether a Ray cluster answers",
     ("recipe_runtime/build/ray.py", "time"): "timeout of a connection without an answer",
     ("recipe_runtime/render/device/compiled.py", "time"): "timeout of waiting for the compilation of another process",
-    ("recipe_compiler/compile_guard.py", "time"): "stops compiling that takes far too long",
     ("recipe_compiler/lowering/sun.py", "datetime"): "dates and times of a recipe; never the clock",
     ("recipe_compiler/checks/references.py", "datetime"): "validation of a recipe's date; never the clock",
 }
@@ -30,7 +29,7 @@ ALLOWED_ADDRESSES = {
     "recipe_compiler/carla/sensors.py": "id() as a key: a grouped entry of the configuration, kept alive",
     "recipe_compiler/checks/check.py": "id() as a key: a checked section, kept alive",
     "recipe_compiler/checks/findings.py": "id() as a key: a reported problem, kept alive",
-    "recipe_compiler/lowering/workload.py": "id() as a key: sections with an estimate, kept alive",
+    "recipe_compiler/lowering/caps.py": "id() as a key: sections that were counted, kept alive",
     "recipe_compiler/source/merge.py": "id() as a key: merged values, kept alive",
     "recipe_compiler/lowering/lower.py": "id() as a key: a lowered scene or rig, kept alive",
     "recipe_runtime/annotate/actor_boxes.py": "id() as a key: a body's shape, kept alive",

@@ -15,9 +15,8 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "recipe_compiler": (
         ("ir",),
         ("source", "library"),
-        ("schema", "load"),
-        ("expand", "limits"),
-        ("compile_guard",),
+        ("schema", "estimate"),
+        ("expand",),
         ("checks",),
         ("lowering",),
         ("carla", "compile"),

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.estimate import Memory
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
-    from recipe_compiler.limits import Memory
     from recipe_runtime.dataset.reader import Dataset
 
 FOLDER = "lockfiles"
@@ -241,10 +241,10 @@ def check_cost(plan: DatasetPlan, name: str, remedy: str, *, allow_large: bool =
     Raises:
         InputError: its estimate exceeds a limit, and `allow_large` is not set.
     """
+    from recipe_compiler.estimate import estimate
     from recipe_compiler.ir.errors import Code, InputError
-    from recipe_compiler.lowering.workload import plan_cost
 
-    reasons = [] if allow_large else plan_cost(plan).over()
+    reasons = [] if allow_large else estimate(plan).over()
     if reasons:
         raise InputError(f"{name}: to render its plan, {', and '.join(reasons)}", help=remedy, code=Code.SIZE_LIMIT)
 
@@ -261,8 +261,8 @@ def check_bytes(dataset: Dataset, *, copies: int = 0, more: int = 0, allow_large
     Raises:
         InputError: these are more bytes than those of a recipe may have, and `allow_large` is not set.
     """
+    from recipe_compiler.estimate import BYTE_LIMIT, size
     from recipe_compiler.ir.errors import Code, InputError
-    from recipe_compiler.limits import BYTE_LIMIT, size
 
     sizes = dict[object, int]()
     for path in dataset.files:
@@ -281,7 +281,7 @@ def check_bytes(dataset: Dataset, *, copies: int = 0, more: int = 0, allow_large
 
 def memory(workers: int) -> Memory:
     """Return the memory of this host, for a build with that many workers."""
-    from recipe_compiler.limits import Memory
+    from recipe_compiler.estimate import Memory
     from recipe_runtime.core import host
 
     return Memory(host.total_memory(), host.process_memory_limit(), workers)

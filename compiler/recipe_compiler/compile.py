@@ -1,7 +1,7 @@
-"""Compiles a recipe file to a `DatasetPlan`: read, merge, check, expand, estimate, lower.
+"""Compiles a recipe file to a `DatasetPlan`: read, merge, check, expand, lower, estimate.
 
 All problems are raised together, sorted by place. Nothing in a recipe is executed, no file outside its folder is read,
-and the size of the result is estimated before anything large is created.
+and what the variants have is counted (`lowering.caps`) before anything large is created.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from recipe_compiler import compile_guard, expand, limits
+from recipe_compiler import expand
 from recipe_compiler.checks.check import Checker, check_deltas, check_removals
 from recipe_compiler.checks.findings import Findings
-from recipe_compiler.compile_guard import CompileGuard
+from recipe_compiler.estimate import Cost, Memory, estimate
+from recipe_compiler.estimate import TooLargeError as TooLargeError
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
 from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
-from recipe_compiler.limits import TooLargeError as TooLargeError
-from recipe_compiler.load import Load
-from recipe_compiler.lowering import asset_files, placement, plausibility, workload
+from recipe_compiler.lowering import asset_files, placement, plausibility
+from recipe_compiler.lowering.caps import CAPS, Counts, place_of_variants
 from recipe_compiler.lowering.lower import Lowering
 from recipe_compiler.lowering.patches import texture_files
 from recipe_compiler.schema.messages import nearest, translate
@@ -36,7 +36,6 @@ from recipe_compiler.source.yaml_reader import Value, show
 
 _CHECKED_SEPARATELY = {"base", "deltas"}
 _CARLA_KEYS = {"carla", "spawn_actors"}  # of configurations of CARLA's data collector
-_EARLY_CHECKS = {100, 300, 1000, 3000}  # numbers of variants after which the compile cost so far is checked
 _MAX_PROBLEMS = 1000  # of all variants; further variants are neither checked nor lowered
 
 
@@ -47,7 +46,7 @@ class Compiled:
     plan: DatasetPlan
     warnings: tuple[Problem, ...]
     files: dict[str, str]  # path relative to the recipe's folder -> SHA-256 of its bytes
-    cost: limits.Cost
+    cost: Cost
     assets: tuple[asset_files.AssetFile, ...] = ()
     folder: Path = Path()  # the recipe's
     towns: Mapping[str, Town] = field(default_factory=dict)  # by their plans' digests
@@ -63,8 +62,7 @@ def compile_recipe(
     *,
     allow_large: bool = False,
     free_disk: int | None = None,
-    memory: limits.Memory | None = None,
-    guard: CompileGuard | None = None,
+    memory: Memory | None = None,
 ) -> Compiled:
     """Compile a recipe file.
 
@@ -73,34 +71,35 @@ def compile_recipe(
         allow_large: compile even if the recipe exceeds the size limits.
         free_disk: bytes free where the dataset would be written, if known.
         memory: the memory of the host, if known.
-        guard: stops compiling that takes too long, or too much memory; a new one by default, without limits if
-            `allow_large`.
 
     Returns:
         The compiled recipe.
 
     Raises:
         InputError: with all problems of the recipe.
-        TooLargeError: the recipe exceeds the limits, by its estimate or while it is compiled, and `allow_large` is not
-            set; or those of `guard`.
+        TooLargeError: the recipe exceeds a cap or a limit, and `allow_large` is not set.
     """
-    guard, sources = guard or CompileGuard(unlimited=allow_large), merge.read(path)
+    sources = merge.read(path)
     try:
-        compiled = _compile(path, sources, guard, allow_large, free_disk, memory)
+        compiled = _compile(path, sources, allow_large)
+        compiled = dataclasses.replace(compiled, warnings=with_source(compiled.warnings, sources.lines))
+        reasons = [] if allow_large else compiled.cost.over(free_disk, memory)
+        if reasons and sources.root is not None:
+            place = _place_of_size(sources.root, compiled.cost)
+            raise TooLargeError(place, reasons, compiled.cost.variants, compiled.warnings)
     except InputError as error:
         error.with_source(sources.lines)
         raise
-    return dataclasses.replace(compiled, warnings=with_source(compiled.warnings, sources.lines))
+    return compiled
 
 
-def _compile(
-    path: Path,
-    sources: merge.Sources,
-    guard: CompileGuard,
-    allow_large: bool,
-    free_disk: int | None,
-    memory: limits.Memory | None,
-) -> Compiled:
+def _place_of_size(root: Value, cost: Cost) -> Place:
+    """Return the place of the number that contributes most to the size of a recipe over the limits."""
+    many = cost.variants * cost.variants > cost.frames
+    return place_of_variants(root) if many else root.place_of("base", "clock", "frames")
+
+
+def _compile(path: Path, sources: merge.Sources, allow_large: bool) -> Compiled:
     problems = list(sources.problems)
     root = sources.root
     yaml_places = {problem.place for problem in problems}  # a place with a YAML error gets no second problem
@@ -114,20 +113,16 @@ def _compile(
     if root.get("base") is None or len(problems) > len(sources.problems):
         kinds = None if "assets" in faulty else _kinds(recipe)
         rules = recipe.sweep.exclude if "sweep" not in faulty else None
-        problems += [*asset_problems, *_check_variants_in_part(root, kinds, rules, guard)]
+        problems += [*asset_problems, *_check_variants_in_part(root, kinds, rules)]
         raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
     problems += asset_problems
-    found, sizes = Findings(), workload.sizes_of(assets)
-    checked, loads = _checked(root, recipe, axes, sizes, guard, allow_large, bool(problems), found)
+    found = Findings()
+    checked = _checked(root, recipe, axes, allow_large, bool(problems), found)
     problems += found.problems()
     if problems:
         raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
-    estimate = limits.total(loads, recipe.output.depth)
-    reasons = estimate.over(free_disk, memory)
-    if reasons and not allow_large:
-        raise limits.TooLargeError(compile_guard.place_of_size(root, estimate), estimate, reasons)
-    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=guard.unlimited)
-    plans, warnings = _lowered(lowering, checked, root, estimate, guard)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
+    plans, warnings = _lowered(lowering, checked, root)
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -135,64 +130,45 @@ def _compile(
         annotations=recipe.output.annotations,
         depth=recipe.output.depth,
     )
-    cost = _cost(plans, recipe.output.depth, sizes, estimate)
     clashes = expand.clashes(root, axes, recipe.sweep)
     warnings = _sorted(clashes, plausibility.of_weather(root), warnings)
     files = dict(sorted(sources.files.items()))
-    return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
+    own = tuple(assets.values())
+    return Compiled(plan, tuple(warnings), files, estimate(plan), own, path.parent, lowering.towns)
 
 
 def _checked(
-    root: Value,
-    recipe: Recipe,
-    axes: Axes,
-    sizes: workload.AssetSizes,
-    guard: CompileGuard,
-    allow_large: bool,
-    is_faulty: bool,
-    found: Findings,
-) -> tuple[list[tuple[Variant, Base]], list[Load]]:
-    """Check all variants, and estimate their cost.
+    root: Value, recipe: Recipe, axes: Axes, allow_large: bool, is_faulty: bool, found: Findings
+) -> list[tuple[Variant, Base]]:
+    """Check all variants, and count what they have.
 
     Args:
         root: the recipe, as text with places.
         recipe: its model.
         axes: the axes of its sweep.
-        sizes: the sizes of its assets.
-        guard: measures the cost of compiling.
-        allow_large: ignore the limits.
+        allow_large: ignore the caps.
         is_faulty: whether the recipe has problems already, which are reported in place of an excess.
         found: receives the problems.
 
     Raises:
-        TooLargeError: compiling the variants exceeds the limits, and the recipe has no problems.
+        TooLargeError: the variants exceed a cap, and the recipe has no problems.
     """
     checked: list[tuple[Variant, Base]] = []
-    loads: list[Load] = []
+    checker = Checker(root.map["base"], _kinds(recipe))
     changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
-    variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
-    for variant, base in _check_variants(root, variants, _kinds(recipe), found):
+    counts = Counts(root, expand.count(axes, recipe.sweep), changes)
+    for variant, base in _check_variants(root, expand.variants(root, axes, recipe.sweep, recipe.seed), checker, found):
         if base is None:
             continue
         checked.append((variant, base))
-        loads.append(workload.estimated(variant, base, changes, sizes))
-        excess = guard.excess(len(loads))
-        if excess or (len(loads) in _EARLY_CHECKS and not allow_large):
-            limit_error = compile_guard.compile_limit_error(root, loads, expand.count(axes, recipe.sweep), excess)
-            if limit_error and not is_faulty and not found.total:
-                raise limit_error
-            if limit_error:
-                break
-    return checked, loads
-
-
-def _cost(plans: Sequence[ScenarioPlan], depth: str, sizes: workload.AssetSizes, estimate: limits.Cost) -> limits.Cost:
-    """The cost of building plans; that of compiling them is the estimate's."""
-    return dataclasses.replace(
-        limits.total((workload.measured(plan, sizes) for plan in plans), depth),
-        compile_seconds=estimate.compile_seconds,
-        compile_bytes=estimate.compile_bytes,
-    )
+        try:
+            if not allow_large:
+                counts.add(variant, base, checker.values)
+        except TooLargeError:
+            if not is_faulty and not found.total:
+                raise
+            break
+    return checked
 
 
 def named_files(path: Path) -> tuple[str, set[str]] | None:
@@ -211,11 +187,7 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
 
 
 def _lowered(
-    lowering: Lowering,
-    checked: Sequence[tuple[Variant, Base]],
-    root: Value,
-    estimate: limits.Cost,
-    guard: CompileGuard,
+    lowering: Lowering, checked: Sequence[tuple[Variant, Base]], root: Value
 ) -> tuple[list[ScenarioPlan], list[Problem]]:
     """Lower all variants to plans.
 
@@ -224,19 +196,18 @@ def _lowered(
 
     Raises:
         InputError: with the problems of all variants.
-        TooLargeError: compiling takes too long, or too much memory.
+        TooLargeError: planning the routes of pedestrians takes more work than is allowed.
     """
     plans, wrong, warnings = [], Findings(), Findings()
-    for number, (variant, base) in enumerate(checked):
-        excess = guard.excess(number)
-        if excess:
-            raise limits.TooLargeError(compile_guard.place_of_size(root, estimate), estimate, [excess])
+    for variant, base in checked:
         try:
             plan = lowering.scenario(variant, base)
         except TooMuchWorkError:
-            raise compile_guard.too_much_planning(root, estimate) from None
+            place = root.place_of("base", "actors" if root.get("base", "actors") else "traffic")
+            reason = "planning the routes of its pedestrians takes too long"
+            raise TooLargeError(place, [reason], len(checked)) from None
         except ValidationError as error:
-            raise compile_guard.beyond_plans(root, variant.name, error) from None
+            raise _beyond_plans(root, variant.name, error) from None
         wrong.add(lowering.problems, variant)
         warnings.add(lowering.warnings, variant)
         lowering.problems.clear()
@@ -248,6 +219,16 @@ def _lowered(
     if wrong.total:
         raise InputError(wrong.problems())
     return plans, warnings.problems()
+
+
+def _beyond_plans(root: Value, variant: str, error: ValidationError) -> InputError:
+    """Return the error to raise if a variant, though valid, has a value that plans cannot hold."""
+    first = error.errors(include_url=False)[0]
+    where = ".".join(map(str, (error.title, *first["loc"])))
+    message = f"the variant {variant} exceeds a limit of plans: {where}: {first['msg'].lower()}"
+    return InputError(
+        [Problem(message, root.key_place("base"), "choose smaller values, or fewer of them", Code.INPUT_LIMIT)]
+    )
 
 
 def _kinds(recipe: Recipe) -> dict[str, str]:
@@ -329,7 +310,7 @@ def _check_sweep(root: Value, sweep: Sweep | None, problems: list[Problem]) -> A
 
 
 def _check_variants_in_part(
-    root: Value, kinds: dict[str, str] | None, rules: Sequence[Mapping[str, str]] | None, guard: CompileGuard
+    root: Value, kinds: dict[str, str] | None, rules: Sequence[Mapping[str, str]] | None
 ) -> list[Problem]:
     """Check base and deltas of a recipe that cannot be expanded: every value of an axis, in few combinations.
 
@@ -337,7 +318,6 @@ def _check_variants_in_part(
         root: the recipe.
         kinds: its assets; None if they are faulty.
         rules: its exclusions; None if they are faulty.
-        guard: measures the cost of compiling; beyond its limits, no further combination is checked.
     """
     base = root.get("base")
     if base is None or not isinstance(base.data, dict):
@@ -347,7 +327,7 @@ def _check_variants_in_part(
         problems: list[Problem] = []
         checker.base(merged, problems)
         found.add(problems)
-        if found.total > _MAX_PROBLEMS or guard.excess(0):
+        if found.total > _MAX_PROBLEMS or checker.values > CAPS["values"].most:
             break
     return found.problems()
 
@@ -363,10 +343,9 @@ def _bases_in_part(root: Value, base: Value, rules: Sequence[Mapping[str, str]] 
 
 
 def _check_variants(
-    root: Value, variants: Iterable[Variant], kinds: dict[str, str], found: Findings
+    root: Value, variants: Iterable[Variant], checker: Checker, found: Findings
 ) -> Iterator[tuple[Variant, Base | None]]:
     """Yield each variant with its checked base, or None in place of a base with problems."""
-    checker = Checker(root.map["base"], kinds)
     for variant in variants:
         if len(variant.name) > expand.MAX_NAME:
             message = f"the variant name {show(variant.name)} is longer than {expand.MAX_NAME} characters"

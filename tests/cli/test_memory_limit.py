@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 from recipe_cli.main import recipe as cli
 from recipe_cli.words import option_help
-from recipe_compiler.limits import TooLargeError
+from recipe_compiler.estimate import TooLargeError
 from recipe_runtime.core import host
 
 from tests.compiler.kitchen import small

@@ -11,21 +11,14 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel, model_serializer
 from recipe_cli.commands import build, check, diff, export, init, lock, schema, shot
-from recipe_compiler import compile_guard
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.expand import Variant
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
-from recipe_compiler.ir.plan import ScenarioPlan
-from recipe_compiler.lowering.lower import Lowering
-from recipe_compiler.schema.recipe import Base
 from recipe_runtime.frames.shot import Shot
 
 from tests.cli.runner import run_here
@@ -191,8 +184,11 @@ def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
     path = tmp_path / "large.yaml"
     still = {"street": {"mount": {"z": 2}, "camera": {"width": 16, "height": 16}, "capture": ["rgb"]}}
     for recipe, says in (
-        (small(clock={"fps": 10, "frames": 60_000}, sensors=still) | {"sweep": {"repeats": 2}}, "120000 frames are"),
-        (small() | {"sweep": {"repeats": 10_000}}, "s of compiling alone are over"),
+        (
+            small(clock={"fps": 10, "frames": 60_000}, sensors=still) | {"sweep": {"repeats": 2}},
+            "first 2 of 2 variants are over 100,000",
+        ),
+        (small() | {"sweep": {"repeats": 10_000}}, "of 10,000 variants are over 50,000"),
     ):
         path.write_text(json.dumps(recipe))
         done = CliRunner().invoke(check.command, [str(path)], catch_exceptions=False)
@@ -201,26 +197,14 @@ def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
         assert says in done.stderr and "`recipe plan` and `recipe build` need --allow-large" in done.stderr
 
 
-def test_check_does_not_compile_a_large_recipe_without_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A large recipe is compiled to find its warnings; that ends as the compiling of any other recipe does."""
-    path, limits = tmp_path / "large.yaml", []
-    still = {"street": {"mount": {"z": 2}, "camera": {"width": 16, "height": 16}, "capture": ["rgb"]}}
-    path.write_text(json.dumps(small(clock={"fps": 10, "frames": 60_000}, sensors=still) | {"sweep": {"repeats": 2}}))
-
-    class Endless(Lowering):
-        def __init__(self, *arguments: Any, allow_large: bool) -> None:
-            limits.append(not allow_large)
-            super().__init__(*arguments)
-
-        def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
-            raise TooMuchWorkError  # unless planning of routes has no limit
-
-    monkeypatch.setattr("recipe_compiler.compile.Lowering", Endless)
+def test_check_warns_of_a_large_estimate_beside_other_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", 1000)
+    path = tmp_path / "large.yaml"
+    axes = {name: {"a": {"weather": {"wetness": 9}}} for name in "vw"}
+    path.write_text(json.dumps(small() | {"deltas": axes}))
     done = CliRunner().invoke(check.command, [str(path)], catch_exceptions=False)
-    assert limits == [True] and done.exit_code == 0 and "120000 frames are" in done.stderr
-    monkeypatch.setattr(compile_guard, "SECONDS", -1.0)
-    done = CliRunner().invoke(check.command, [str(path)], catch_exceptions=False)
-    assert limits == [True] and done.exit_code == 0 and "compiling 1 of the variants has taken" in done.stderr
+    assert done.exit_code == 0 and f"{path}: valid, 1 variant\n" in done.stdout
+    assert "KiB are over 1,000 bytes" in done.stderr and "axes v and w both set weather.wetness" in done.stderr
 
 
 def test_check_as_json_has_warnings_and_the_file_of_every_problem(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from recipe_cli.commands import surfaces
 from recipe_cli.commands.surfaces import command
 from recipe_cli.words import option_help
 from recipe_compiler.compile import compile_recipe
+from recipe_compiler.estimate import Memory
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.limits import Memory
 from recipe_runtime.frames.surface_views import estimated_cost
 
 from tests.sources import ROOT

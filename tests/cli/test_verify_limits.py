@@ -12,9 +12,9 @@ from recipe_cli.commands.verify import command
 from recipe_cli.main import recipe
 from recipe_cli.places import check_bytes, check_cost
 from recipe_compiler.compile import compile_recipe
+from recipe_compiler.estimate import estimate
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import read_source, skeleton
-from recipe_compiler.lowering.workload import plan_cost
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.verify.verify import Options, verify
@@ -32,7 +32,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_plan_over_the_limits_is_refused_unless_allowed(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recipe_compiler.limits.FRAME_LIMIT", 1)
+    monkeypatch.setattr("recipe_compiler.estimate.FRAME_LIMIT", 1)
     with pytest.raises(InputError, match="frames are over 1") as caught:
         check_cost(datasets.read(built).plan, "tiny", "pass --allow-large")
     assert "tiny: to render its plan, 8 frames" in str(caught.value)
@@ -45,7 +45,7 @@ def test_a_dataset_of_many_bytes_is_not_read_unless_allowed(
 ) -> None:
     """Sparse files of terabytes fit in an archive of kilobytes, and hashing them takes hours."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", 10_000)
+    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", 10_000)
     refused = CliRunner().invoke(recipe, [*arguments, str(built)])
     assert isinstance(refused.exception, InputError) and "over 10 KiB" in str(refused.exception)
     assert "--allow-large" in str(refused.exception) and not list(tmp_path.iterdir())
@@ -66,7 +66,7 @@ def test_each_name_of_a_file_counts_where_it_is_copied(built: Path, monkeypatch:
     linked = sum({there.st_ino: there.st_size for there in sizes.values()}.values())
     total = sum(there.st_size for there in sizes.values())
     assert linked < total  # weathers share their labels
-    monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", linked)
+    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", linked)
     check_bytes(held)
     with pytest.raises(InputError, match="its files have"):
         check_bytes(held, copies=1)
@@ -76,7 +76,7 @@ def test_each_picture_counts_as_often_as_it_is_written(built: Path, monkeypatch:
     """Regression: exports for Armory, which has four layouts, wrote 80 GiB where 20 is the limit."""
     held = datasets.read(built)
     once = sum((held.root / path).lstat().st_size for path in held.files)
-    monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", once)
+    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", once)
     check_bytes(held, copies=1)
     with pytest.raises(InputError, match="written up to 4 times, over"):
         check_bytes(held, copies=4)
@@ -92,7 +92,7 @@ def test_poses_of_frames_without_a_picture_count_in_an_export_for_kitti(
     monkeypatch.chdir(tmp_path)
     held = datasets.read(built)
     total = sum((held.root / path).lstat().st_size for path in held.files)
-    monkeypatch.setattr("recipe_compiler.limits.BYTE_LIMIT", total)
+    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", total)
     refused = CliRunner().invoke(recipe, [*EXPORT, "kitti", str(built)])
     assert isinstance(refused.exception, InputError) and "its files have" in str(refused.exception)
     refused = CliRunner().invoke(recipe, [*EXPORT, "mots", str(built)])
@@ -104,7 +104,7 @@ def test_a_dataset_over_the_limits_is_not_exported_unless_allowed(
 ) -> None:
     """Regression: 60,000 pictures of 4096 x 4096 in 95 MB of hard links would have been decoded for 20 hours."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("recipe_compiler.limits.FRAME_LIMIT", 1)
+    monkeypatch.setattr("recipe_compiler.estimate.FRAME_LIMIT", 1)
     refused = CliRunner().invoke(recipe, [*EXPORT, "kitti", str(built)])
     assert isinstance(refused.exception, InputError) and "frames are over 1" in str(refused.exception)
     assert not list(tmp_path.iterdir())
@@ -115,8 +115,8 @@ def test_a_dataset_over_the_limits_is_not_exported_unless_allowed(
 def test_the_estimate_of_a_long_plan_is_in_hours() -> None:
     """An attacker's plan: long, with large pictures, and without a frame in the manifest."""
     (long,) = fakes.dataset_plan(frames=60_000, weathers=1).variants[:1]
-    assert plan_cost(PLAN).over() == []
-    assert plan_cost(PLAN.model_copy(update={"variants": (long,)})).over() != []
+    assert estimate(PLAN).over() == []
+    assert estimate(PLAN.model_copy(update={"variants": (long,)})).over() != []
 
 
 def test_nothing_is_simulated_where_frames_have_no_digest(built: Path) -> None:

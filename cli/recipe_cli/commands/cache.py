@@ -22,8 +22,8 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
 
     A build that made something prunes it to RECIPE_CACHE_LIMIT (10G unless that is set; `none`: never).
     """
+    from recipe_compiler.estimate import size as size_text
     from recipe_compiler.ir.errors import InputError
-    from recipe_compiler.limits import size as size_text
     from recipe_runtime.cache import pruning
     from recipe_runtime.core.files import host_errors
 

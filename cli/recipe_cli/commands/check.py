@@ -49,22 +49,14 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
 def _checked(path: Path) -> tuple[int, list[Problem]]:
     """Return the number of variants of a recipe and its warnings; a large size is not a mistake."""
     from recipe_compiler.compile import compile_recipe
-    from recipe_compiler.compile_guard import CompileGuard
-    from recipe_compiler.limits import TooLargeError
+    from recipe_compiler.estimate import TooLargeError
 
-    guard = CompileGuard()
     try:
-        compiled = compile_recipe(path, memory=memory(worker_count(None)), guard=guard)
-        return len(compiled.plan.variants), list(compiled.warnings)
+        compiled = compile_recipe(path, memory=memory(worker_count(None)))
     except TooLargeError as large:
         note = replace(large.problems[0], help="`recipe plan` and `recipe build` need --allow-large")
-        if large.cost.over_to_compile():
-            return large.cost.variants, [note]
-        try:
-            compiled = compile_recipe(path, allow_large=True, guard=guard)
-        except TooLargeError:
-            return large.cost.variants, [note]
-        return large.cost.variants, [note, *compiled.warnings]
+        return large.variants, [note, *large.warnings]
+    return len(compiled.plan.variants), list(compiled.warnings)
 
 
 def _row(path: Path, problem: Problem) -> dict[str, object]:

@@ -70,8 +70,8 @@ def command(
         raise click.UsageError("--patch needs --format armory.")
     folder = out or output
     assert folder is not None
+    from recipe_compiler.estimate import size
     from recipe_compiler.ir.errors import Code, InputError
-    from recipe_compiler.limits import size
     from recipe_runtime.cache import pruning
     from recipe_runtime.dataset.reader import read
     from recipe_runtime.transfer import shards
@@ -120,7 +120,7 @@ def _export_layout(
     as_json: bool,
 ) -> None:
     """Export to the layout of a benchmark, and report."""
-    from recipe_compiler.limits import size
+    from recipe_compiler.estimate import size
     from recipe_runtime.transfer import layouts
 
     with Progress(quiet=as_json) as progress:

@@ -127,8 +127,8 @@ def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:
     from dataclasses import replace
 
     from recipe_compiler.compile import compile_recipe
+    from recipe_compiler.estimate import TooLargeError
     from recipe_compiler.ir.errors import InputError
-    from recipe_compiler.limits import TooLargeError
 
     def placed(problem: Problem) -> Problem:
         key = problem.message.partition(":")[0]

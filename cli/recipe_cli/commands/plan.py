@@ -15,7 +15,7 @@ from recipe_cli.places import memory
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
-    from recipe_compiler.limits import Cost
+    from recipe_compiler.estimate import Cost
 
 
 @click.command("plan")
@@ -62,7 +62,7 @@ def _document(compiled: Compiled) -> dict[str, object]:
 
 
 def _table(compiled: Compiled) -> None:
-    from recipe_compiler.limits import size
+    from recipe_compiler.estimate import size
 
     plan = compiled.plan
     say(plan.recipe)

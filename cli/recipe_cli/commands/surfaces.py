@@ -138,8 +138,8 @@ def _check_some(where: str, pattern: str, bodies: list[_Body]) -> None:
 
 def _check_cost(where: str, scene: _Scene | None, bodies: list[_Body]) -> None:
     """Raise InputError if the pictures take more time than the limit, or more memory than this host has."""
+    from recipe_compiler.estimate import size
     from recipe_compiler.ir.errors import Code, InputError
-    from recipe_compiler.limits import size
     from recipe_runtime.frames.surface_views import ViewsCost, estimated_cost
 
     maps, views = len(_texture_maps(bodies)), len(_static_patches(bodies))

@@ -34,7 +34,11 @@ _SECTIONS = _section_models()
 
 
 class Checker:
-    """Validates merged bases, section by section, and caches results by the identity of the section."""
+    """Validates merged bases, section by section, and caches results by the identity of the section.
+
+    Attributes:
+        values: the number of values that were validated so far.
+    """
 
     def __init__(self, base: Value, assets: Mapping[str, str] | None = None) -> None:
         """`base` is the recipe's own, before any delta: what deltas may name.
@@ -46,6 +50,7 @@ class Checker:
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
         self._cross_checks: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
         self._sections: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}
+        self.values = 0
 
     def base(self, merged: Value, problems: list[Problem]) -> Base | None:
         """The model of a merged base, or None if it has problems, which are added to `problems`."""
@@ -72,6 +77,7 @@ class Checker:
         value = merged.get(name)
         key = (name, id(value))
         if key not in self._sections:
+            self.values += _size(value)
             self._sections[key] = (value, *self._validate(name, value, merged))
         return self._sections[key][1:]
 
@@ -99,6 +105,13 @@ class Checker:
             if not (detail["type"] == "missing" and tuple(map(str, detail["loc"][:2])) in missing)
         ]
         return [*unknown.values(), *others]
+
+
+def _size(value: Value | None) -> int:
+    """The number of values in a value, itself included."""
+    if value is None:
+        return 0
+    return 1 + sum(map(_size, value.data if isinstance(value.data, tuple) else value.map.values()))
 
 
 def _remedy_of_key(key: str, value: Value) -> str:

@@ -29,7 +29,7 @@ _ALONG, _ASIDE = 1.5, 0.25  # metres kept free in front of and behind a vehicle,
 _PERSON = 0.6  # metres around a pedestrian
 _CELL = 14.0  # metres, more than two bodies that touch can be apart
 _TRIES = 64
-_CANDIDATES = 24  # free spawn points that are compared where a score is given
+CANDIDATES = 24  # free spawn points that are compared where a score is given
 _PLACE = (5.0, 2.3)  # a body occupies a parking place within this distance of its middle, along and across; metres
 
 
@@ -132,7 +132,7 @@ class Spots:
         for pose in self._in_order(blueprint.category, stream):
             if self.free(Footprint.of(blueprint, pose.x, pose.y, pose.yaw)):
                 found.append(pose)
-                if score is None or len(found) == _CANDIDATES:
+                if score is None or len(found) == CANDIDATES:
                     break
         if not found:
             return None

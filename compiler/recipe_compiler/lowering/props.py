@@ -22,7 +22,6 @@ BOARD_THICKNESS = 0.02  # metres
 BOARD_LOOK: Mapping[str, str] = {"face": "#909090", "back": "#b8b0a0"}
 _WHITE = "#ffffff"
 _SIZES = (0.001, 1000.0)  # limits of a prop's largest extent, metres
-BOARD_TRIANGLES = 12
 
 Corner = tuple[float, float, float]
 

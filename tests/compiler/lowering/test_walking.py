@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.compile import compile_recipe
+from recipe_compiler.estimate import TooLargeError
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
 from recipe_compiler.ir.ground.path_planner import CLEARANCE, Planner, TooManyObstaclesError, TooMuchWorkError, Work
 from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
 from recipe_compiler.library.towns import Town
-from recipe_compiler.limits import TooLargeError
 from recipe_compiler.lowering import walking_routes
 from recipe_compiler.lowering.enclosures import Yards
 from recipe_compiler.lowering.walking_routes import RecipeWork

@@ -5,7 +5,6 @@ from __future__ import annotations
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.ground.obstacles import BUILDINGS, FRONTED
 from recipe_compiler.ir.plan import ArmPlan, Element, TownPlan
-from recipe_compiler.ir.rig import arm as arm_plan
 from recipe_compiler.ir.rig.plan import BoxPlan
 from recipe_compiler.schema.camera import Mount, Sensor
 
@@ -63,12 +62,6 @@ def arm_of(sensor: Sensor, fps: int, boxes: tuple[BoxPlan, ...]) -> ArmPlan | No
     else:
         return None
     return ArmPlan(decay=decay, obstacles=boxes if is_shortened(sensor) else ())
-
-
-def earlier_frames(sensor: Sensor, fps: int) -> int:
-    """Return how many earlier frames count for a pose of a sensor: those whose headings its arm smooths."""
-    arm = arm_of(sensor, fps, ())
-    return 0 if arm is None else arm_plan.history(arm.decay)
 
 
 def _decay(lag: float, fps: int) -> float:
