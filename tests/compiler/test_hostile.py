@@ -31,6 +31,8 @@ PATHOLOGICAL: dict[str, Callable[[], bytes]] = {
     "sexagesimal": lambda: b"recipe: " + b"1:" * (MAX_BYTES // 2 - 10) + b"x",
     "underscores": lambda: b"recipe: " + b"1_" * (MAX_BYTES // 2 - 10) + b"x",
     "newlines": lambda: b"\n" * MAX_BYTES,
+    "odd_indentation": lambda: b"".join(b"k%d: 1\n" % n for n in range(60_000)) + b"  b: 1",
+    "rising_indentation": lambda: b"".join(b" " * n + b"k:\n" for n in range(1400)) + b" b: 1",
     "anchors": lambda: b"".join(b"- &a%d x\n" % n for n in range(20_000)),
     "many_keys": lambda: b"".join(b"k%d: 1\n" % n for n in range(20_000)),
     "many_axes": lambda: (

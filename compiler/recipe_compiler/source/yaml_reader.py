@@ -20,7 +20,7 @@ import yaml
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.errors import printable as printable
-from recipe_compiler.source.yaml_help import FLOAT, LINE_BREAK, ambiguity, explain, key_before_bracket, missing_colon
+from recipe_compiler.source.yaml_help import FLOAT, LINE_BREAK, ambiguity, explain, missing_colon
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 50_000  # after aliases are expanded
@@ -127,10 +127,9 @@ def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
         place = _place_after(text[: error.position], file)
         return None, [*reader.problems, Problem(message, place, "remove it; is this a text file?", Code.NOT_TEXT)]
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        place = Place(file, mark.line + 1, mark.column + 1) if mark else start
-        opened = error.context_mark.line + 1 if error.context_mark else None
-        return None, [*reader.problems, explain(error.problem or "", error.context or "", opened, text, place, _parses)]
+        opened = _place_of(error.context_mark, file)
+        place = _place_of(error.problem_mark, file) or opened or start
+        return None, [*reader.problems, explain(error.problem or "", error.context or "", opened, text, place)]
     except _StopError as stop:
         return None, [*reader.problems, stop.problem]
     if root is None and not reader.problems:
@@ -152,12 +151,8 @@ def _place_after(text: str, file: str) -> Place:
     return Place(file, len(before), len(before[-1]) + 1)
 
 
-def _parses(text: str) -> bool:
-    """Return whether a text is YAML."""
-    try:
-        return sum(1 for _ in yaml.parse(text, Loader=yaml.SafeLoader)) > 0
-    except yaml.YAMLError:
-        return False
+def _place_of(mark: yaml.Mark | None, file: str) -> Place | None:
+    return Place(file, mark.line + 1, mark.column + 1) if mark else None
 
 
 class _StopError(Exception):
@@ -265,8 +260,8 @@ class _Reader:
             key = inner.value
             if key == "<<" and inner.implicit[0]:
                 self._report(inner, "merge keys `<<` are not part of the language", "use `extends` or a delta")
-            elif inner.implicit[0] and (unmarked := key_before_bracket(key)):
-                raise self._stop(inner, *missing_colon(*unmarked), Code.YAML_SYNTAX)
+            elif inner.implicit[0] and re.search(r"[{\[]", key) and (words := missing_colon(key)):
+                raise self._stop(inner, *words, Code.YAML_SYNTAX)
             elif key in entries:
                 message = f"duplicate key {show(key)}, first on line {keys[key].line}"
                 self._report(inner, message, "remove one", Code.DUPLICATE_KEY)
