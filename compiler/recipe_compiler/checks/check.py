@@ -10,9 +10,8 @@ from pydantic import BaseModel, ValidationError, create_model
 
 from recipe_compiler.checks import references
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.schema import remedies
 from recipe_compiler.schema.fields import NAME, NAME_LENGTH, Model
-from recipe_compiler.schema.messages import Suggestions, details, fields_at, nearest, translate
+from recipe_compiler.schema.messages import Suggestions, details, remedy_of_key, translate
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.source.yaml_reader import Value, show
 
@@ -63,7 +62,9 @@ class Checker:
         for key, value in merged.map.items():
             if key not in _SECTIONS:
                 message = f"unknown key {show(key)} in base"
-                found.append(Problem(message, merged.key_place(key), _remedy_of_key(key, value), Code.UNKNOWN_KEY))
+                found.append(
+                    Problem(message, merged.key_place(key), remedy_of_key(key, value.plain, Base), Code.UNKNOWN_KEY)
+                )
         for check, sections_read in self._checks:
             parts = tuple(merged.get(section) for section in sections_read)
             identity = (check.__name__, *map(id, parts))
@@ -114,19 +115,6 @@ def _size(value: Value | None) -> int:
     return 1 + sum(map(_size, value.data if isinstance(value.data, tuple) else value.map.values()))
 
 
-def _remedy_of_key(key: str, value: Value) -> str:
-    """The remedy for an unknown key of a base: the section that the key belongs to, else a similar section."""
-    homes = [section for section in _SECTIONS if key in fields_at(Base, (section,))]
-    if homes:
-        return f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}"
-    for section, mark in (("sensors", "mount"), ("actors", "blueprint")):
-        if isinstance(value.data, dict) and mark in value.map:
-            return f"it is an entry of {section}: write {section}: {{{key}: ...}}"
-    if key == "base":
-        return "remove it: a delta starts with the keys of the base"
-    return remedies.of_key(key, value.plain) or nearest(key, _SECTIONS)
-
-
 def check_deltas(root: Value) -> list[Problem]:
     """Problems of the shape of `deltas`: axis -> value -> a map, every name fit to be a folder's."""
     deltas = root.get("deltas")
@@ -150,7 +138,7 @@ def check_deltas(root: Value) -> list[Problem]:
             problems += _check_name(values, name, f"axis {axis}, value")
             if not isinstance(delta.data, dict):
                 message = f"deltas.{axis}.{name}: must be a map of changes, not {_given(delta)}"
-                remedy = remedies.of_delta(delta.data) or "write {} for none"
+                remedy = "write such as {weather: ClearNoon}, or {} for none"
                 problems.append(Problem(message, values.key_place(name), remedy, Code.INVALID_VALUE))
     return problems
 

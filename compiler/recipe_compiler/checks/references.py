@@ -60,8 +60,6 @@ def unknown_town(base: Value) -> Iterator[Problem]:
             given = json.dumps(plain) if isinstance(plain, list) and len(json.dumps(plain)) <= 60 else show(plain)
             wanted = f"{limit.wanted} ({limit.description}), not {'nothing' if plain is None else given}"
             remedy = f"write {json.dumps(limit.default)}, the default, or remove the key"
-            if limit.length is not None and type(plain) is int and limit.low <= plain <= limit.high:
-                remedy = f"write {json.dumps([plain] * limit.length)}"
             yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key), remedy, Code.OUT_OF_RANGE)
 
 

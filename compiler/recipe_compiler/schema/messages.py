@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import get_args
 
@@ -11,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, Problem, split_remedy
-from recipe_compiler.schema import remedies, units
+from recipe_compiler.schema import remedies
 from recipe_compiler.source.similar_names import MAX_LENGTH, similar_names
 from recipe_compiler.source.yaml_reader import Value, show
 
@@ -23,23 +24,17 @@ _LIMITS = {
     "less_than_equal": ("le", "is above the maximum, {}"),
     "less_than": ("lt", "must be below {}"),
 }
-_KINDS = {
-    "int": "a whole number",
-    "float": "a number",
-    "string": "text",
-    "bool": "true or false",
-    "dict": "a map",
-    "model": "a map",
-    "tuple": "a list",
-    "list": "a list",
-}
-_EXAMPLES = {
-    "a whole number": "write it in digits, without quotes or a fraction",
-    "a number": "write it in digits, without quotes",
-    "text": "put it in quotes",
-    "true or false": "write true or false",
-    "a list": "write it in square brackets, such as [a, b]",
-    "a map": "write keys and values, such as {key: value}",
+_SIDES = {"ge": " of at least", "gt": " above", "le": " of at most", "lt": " below"}
+_UNIT = re.compile(r"\b(m/s|metres|degrees|seconds|hours|percent|kelvins|1/s)(?!\w)", re.IGNORECASE)  # in descriptions
+_KINDS = {  # start of pydantic's type -> what is wanted, the remedy
+    "int": ("a whole number", "write it in digits, without quotes or a fraction"),
+    "float": ("a number", "write it in digits, without quotes"),
+    "string": ("text", "put it in quotes"),
+    "bool": ("true or false", "write true or false"),
+    "dict": ("a map", "write keys and values, such as {key: value}"),
+    "model": ("a map", "write keys and values, such as {key: value}"),
+    "tuple": ("a list", "write it in square brackets, such as [a, b]"),
+    "list": ("a list", "write it in square brackets, such as [a, b]"),
 }
 _SEVERAL = "for several, make each a value of an axis in `deltas`"
 _DEFAULTS = {"town": "downtown", "weather": "ClearNoon"}
@@ -203,9 +198,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
     if kind in _LIMITS:
         key, words = _LIMITS[kind]
         limit = f"{where}: {show(value)} {words.format(_number(context[key]))}"
-        sides = {"ge": "of at least", "gt": "above", "le": "of at most", "lt": "below"}
-        span = _range(model, detail["loc"]) or f" {sides[key]} {_number(context[key])}"
-        return Code.OUT_OF_RANGE, limit, f"write a value{span}{remedies.of_limit(str(path[-1]), value)}"
+        span = _range(model, detail["loc"]) or f"{_SIDES[key]} {_number(context[key])}"
+        return Code.OUT_OF_RANGE, limit, f"write a value{span}{_unit(model, detail['loc'])}"
     if kind == "string_pattern_mismatch":
         wrong, remedy = next(words for mark, words in _PATTERNS.items() if mark in context["pattern"][:40])
         code = Code.INVALID_NAME if remedy == _NAME_RULE else Code.INVALID_VALUE
@@ -241,21 +235,26 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
 def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:
     inside = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
     what = f"unknown key {show(str(path[-1]))}{inside}"
-    if path[-2:] == ("camera", "exposure"):
-        return Code.UNKNOWN_KEY, what, 'as in CARLA, it is "exposure_compensation"'
-    keys = fields_at(model, _without_markers(detail["loc"][:-1]))
-    own = next((key for key in _CARLA.get(str(path[-1]), ()) if key in keys), None)
+    remedy = remedy_of_key(str(path[-1]), detail["input"], model, _without_markers(detail["loc"][:-1]))
+    return Code.UNKNOWN_KEY, what, remedy
+
+
+def remedy_of_key(key: str, value: object, model: type[BaseModel], around: Path = ()) -> str:
+    """Return the remedy for an unknown key: CARLA's key, the map beside it where it belongs, or a similar key.
+
+    Args:
+        key: the key.
+        value: its value.
+        model: the model of the whole value.
+        around: the path of the map in the model.
+    """
+    keys = fields_at(model, around)
+    own = next((known for known in _CARLA.get(key, ()) if known in keys), None)
     if own is not None:
-        return Code.UNKNOWN_KEY, what, f"use {show(own)}, which is CARLA's {path[-1]}"
-    known = remedies.of_key(str(path[-1]), detail["input"])
-    return Code.UNKNOWN_KEY, what, known or _home(detail, model) or nearest(str(path[-1]), keys)
-
-
-def _home(detail: ErrorDetails, model: type[BaseModel]) -> str | None:
-    """The remedy for an unknown key that belongs in a map beside it; None if it belongs in none or in several."""
-    key, around = str(detail["loc"][-1]), _without_markers(detail["loc"][:-1])
-    homes = [field for field in fields_at(model, around) if key in fields_at(model, (*around, field))]
-    return f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}" if len(homes) == 1 else None
+        return f"use {show(own)}, which is CARLA's {key}"
+    homes = [field for field in keys if key in fields_at(model, (*around, field))]
+    home = f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}" if len(homes) == 1 else None
+    return remedies.of_key(key, value) or home or nearest(key, keys)
 
 
 def _missing(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:
@@ -273,8 +272,7 @@ def _range(model: type[BaseModel], loc: Sequence[str | int]) -> str:
     at = {k: _number(v) for m in limits for k in ("ge", "gt", "le", "lt") if (v := getattr(m, k, None)) is not None}
     if "ge" in at and "le" in at:
         return f" from {at['ge']} to {at['le']}"
-    words = {"ge": "of at least", "gt": "above", "le": "of at most", "lt": "below"}
-    return "".join(f" {words[key]} {limit}" for key, limit in at.items()).replace(" of at most", ", at most")
+    return "".join(f"{_SIDES[key]} {limit}" for key, limit in at.items()).replace(" of at most", ", at most")
 
 
 def _metadata(annotation: object) -> list[object]:
@@ -284,24 +282,17 @@ def _metadata(annotation: object) -> list[object]:
 
 
 def _wrong_type(kind: str, detail: ErrorDetails, path: Path, model: type[BaseModel]) -> Words:
-    value, where, span = detail["input"], dotted(path), _range(model, detail["loc"])
-    for word, wanted in _KINDS.items():
+    value, where = detail["input"], dotted(path)
+    for word, (wanted, usual) in _KINDS.items():
         if kind.startswith(f"{word}_"):
             given = "nothing" if value is None else show(value)
-            unquote = word in {"int", "float", "bool"} and isinstance(value, str) and _looks_plain(value)
-            within = span if word in {"int", "float"} else ""
-            fields = fields_at(model, _without_markers(detail["loc"])) if wanted == "a map" else ()
-            unit = units.unit_of(_description(model, detail["loc"]))
-            known = remedies.of_value(str(path[-1]), wanted, value, fields, unit)
-            usual = f"write keys and values: {listed(list(fields))}" if fields else _EXAMPLES.get(wanted)
-            remedy = "remove the quotes" if unquote else known or usual
-            return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", remedy
+            within = _range(model, detail["loc"]) if word in {"int", "float"} else ""
+            known = remedies.of_value(str(path[-1]), wanted, value, _unit(model, detail["loc"]))
+            keys = fields_at(model, _without_markers(detail["loc"])) if wanted == "a map" else ()
+            usual = f"write keys and values: {listed(keys)}" if keys else usual
+            return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", known or usual
     message, remedy = split_remedy(f"{where}: {detail['msg']}")
     return Code.CONFLICT if kind in _CONFLICTS else Code.INVALID_VALUE, message, remedy
-
-
-def _looks_plain(text: str) -> bool:
-    return text in {"true", "false"} or text.lstrip("+-").replace(".", "", 1).isdecimal()
 
 
 def _size(where: str, kind: str, context: Mapping[str, int]) -> Words:
@@ -327,13 +318,11 @@ def _hint(model: type[BaseModel], loc: Sequence[str | int]) -> str:
     return f": {_uncapitalised(info.description)}" if info is not None and info.description else ""
 
 
-def _description(model: type[BaseModel], loc: Path) -> str | None:
-    """The description of a field; for an item of a list, that of the list."""
-    keys = _without_markers(loc)
-    while keys and isinstance(keys[-1], int):
-        keys = keys[:-1]
-    info = _field_at(model, keys) if keys else None
-    return info.description if info else None
+def _unit(model: type[BaseModel], loc: Path) -> str:
+    """The unit that the description of a field names, as in `, in metres`; empty if it names none."""
+    info = _field_at(model, _without_markers(loc))
+    found = _UNIT.search((info.description if info else None) or "")
+    return f", in {found[1].lower()}" if found else ""
 
 
 def _uncapitalised(text: str) -> str:

@@ -187,8 +187,6 @@ def test_the_placeholder_is_green(tmp_path: Path, mode: str) -> None:
         ({"on": WALL, "texture": {"frames": "nowhere"}}, ["cannot be read as a folder"]),
         ({"on": WALL, "texture": {"frames": "."}, "mode": "rendered"}, ["1 image for 4 frames"]),
         ({"on": WALL, "texture": RED, "gloss": 2}, ["above the maximum, 1"]),
-        ({"on": WALL, "texture": "my/post.png"}, ['must be a map, not "my/post.png"; write {image: my/post.png}']),
-        ({"on": WALL, "texture": "#00903a"}, ['write {color: "#00903a"}']),
         ({"on": WALL, "texture": "film"}, ['write {image: FILE.png}, {frames: FOLDER} or {color: "#rrggbb"}']),
         ({"on": WALL, "image": "a.png"},
          ['"image" in patches.poster; it is a key of texture: write texture: {image: ...}']),
