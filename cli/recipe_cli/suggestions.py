@@ -6,7 +6,6 @@ import os
 import re
 from pathlib import Path
 
-_MAX_NAMES = 2000  # entries of a folder with which a misspelt name is compared
 _PLACES = ("datasets/{}", "lockfiles/{}", "lockfiles/{}.lock")
 
 
@@ -21,12 +20,13 @@ def url_with_one_slash(text: str) -> str | None:
 def nearest_place(path: Path) -> str | None:
     """Return an existing path of which a missing one is probably a misspelling, or None.
 
-    This is a recipe, dataset or lockfile of that name, or else the path with the most similar spelling.
+    This is a dataset or lockfile of that name, or else the most similar name in its folder.
     """
-    named = [path.with_name(f"{path.name}{suffix}") for suffix in (".yaml", ".yml", ".recipe") if path.name]
-    named += [Path(place.format(path.name)) for place in _PLACES if path.parent == Path()]
-    found = next((str(place) for place in named if place.exists()), None)
-    return found or _respelt(path)
+    from recipe_compiler.source.file_help import nearest_entry
+
+    places = [Path(place.format(path.name)) for place in _PLACES if path.name]
+    found = next((place for place in places if place.exists()), None) or nearest_entry(path)
+    return str(found) if found else None
 
 
 def check_exists(target: Path | str) -> None:
@@ -45,21 +45,3 @@ def check_exists(target: Path | str) -> None:
         what, remedy = "lockfile", "`recipe lock RECIPE` writes one"
     remedy = f"did you mean {near}?" if near else remedy
     raise InputError(f"{target}: there is no such {what}", help=remedy, code=Code.FILE_NOT_FOUND)
-
-
-def _respelt(path: Path) -> str | None:
-    """Return the path with its first missing part replaced by the most similar name; None unless the result exists."""
-    folder = Path(path.anchor)
-    for number, part in enumerate(path.parts[1 if path.anchor else 0 :], start=1 if path.anchor else 0):
-        if not (folder / part).exists():
-            from recipe_compiler.source.similar_names import similar_names
-
-            try:
-                names = sorted(entry.name for entry in folder.iterdir())[:_MAX_NAMES]
-            except OSError:
-                return None
-            close = similar_names(part, names, 1, 0.7)
-            found = folder.joinpath(*close, *path.parts[number + 1 :])
-            return str(found) if close and found.exists() else None
-        folder /= part
-    return None

@@ -41,7 +41,7 @@ def project(tmp_path: Path) -> Path:
         ("rain", "lockfiles/rain.lock"),
         ("rain.lock", "lockfiles/rain.lock"),
         ("zebra", None),
-        ("zebra/town", None),
+        ("zebra/town", "datasets/town"),
     ],
 )
 def test_the_nearest_path_is_found(

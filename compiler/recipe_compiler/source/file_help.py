@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
 from pathlib import Path
 
-from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.source.similar_names import similar_names
-from recipe_compiler.source.yaml_reader import MAX_BYTES, printable, show
+from recipe_compiler.source.yaml_reader import printable, show
 
+SUFFIXES = (".yaml", ".yml", ".recipe")
 _MAX_NAMES = 2000  # number of a folder's entries with which a misspelt name is compared
-_MAX_READ = 40  # number of a folder's files that are read to find recipes
-_MAX_LISTED = 3
-_RECIPE = re.compile(rb"^(?:recipe|extends)\s*:", re.MULTILINE)
 _KINDS = {  # first bytes of a file -> what it is, and what to name instead
     b"recipe-lock ": ("a lockfile", "name its recipe"),
     b"PK\x03\x04": (
@@ -32,26 +28,32 @@ def nearest_file(path: Path, besides: Collection[Path] = ()) -> str | None:
         path: the path.
         besides: files that are not meant.
     """
-    names = [entry.name for entry in _entries(path.parent) if entry.is_file() and entry not in besides]
-    recipes = [name for name in names if name in (f"{path.name}.yaml", f"{path.name}.yml")]
-    if recipes:
-        return f"did you mean {show(recipes[0])}?"
-    alike = [name for name in names if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
-    close = similar_names(path.name, alike, 1, 0.75)
-    return f"did you mean {show(close[0])}?" if close else None
+    found = nearest_entry(path, [entry for entry in _entries(path.parent) if entry.is_file() and entry not in besides])
+    return f"did you mean {show(found.name)}?" if found else None
+
+
+def nearest_entry(path: Path, entries: Collection[Path] | None = None) -> Path | None:
+    """Return the entry of its folder of which a missing path is probably a misspelling; None if there is none.
+
+    Args:
+        path: the path.
+        entries: the entries that can be meant; None: all files and folders.
+    """
+    present = _entries(path.parent) if entries is None else entries
+    by_name = {entry.name: entry for entry in present}
+    named = [f"{path.name}{suffix}" for suffix in SUFFIXES if f"{path.name}{suffix}" in by_name]
+    alike = [name for name in by_name if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
+    close = named or similar_names(path.name, alike, 1, 0.7)
+    return by_name[close[0]] if close else None
 
 
 def recipe_of_folder(folder: Path) -> str:
-    """A remedy for a folder where a recipe is wanted: the recipe of its name, of its dataset, or those in it."""
-    beside = [folder.with_name(f"{folder.name}{suffix}") for suffix in (".yaml", ".yml") if folder.name]
-    named = [path for path in beside if path.is_file()]
-    found = named or _recipes_in(folder / "recipe") or _recipes_in(folder)
+    """A remedy for a folder where a recipe is wanted: the recipe of its name, or one in it."""
+    beside = [folder.with_name(f"{folder.name}{suffix}") for suffix in SUFFIXES if folder.name]
+    found = [path for path in beside if path.is_file()] or [p for p in _entries(folder) if p.suffix in SUFFIXES]
     if not found:
         return "name a recipe file, such as NAME.yaml"
-    if len(found) == 1:
-        return f"did you mean {_quoted(found[0])}?"
-    more = " and others" if len(found) > _MAX_LISTED else ""
-    return f"name a recipe in it: {', '.join(map(_quoted, found[:_MAX_LISTED]))}{more}"
+    return f'did you mean "{printable(str(found[0]))}"?'
 
 
 def other_kind(content: bytes) -> tuple[str, str] | None:
@@ -59,24 +61,8 @@ def other_kind(content: bytes) -> tuple[str, str] | None:
     return next((words for head, words in _KINDS.items() if content.startswith(head)), None)
 
 
-def _recipes_in(folder: Path) -> list[Path]:
-    files = [entry for entry in _entries(folder) if entry.suffix in (".yaml", ".yml")]
-    return [path for path in files[:_MAX_READ] if _is_recipe(path)]
-
-
-def _is_recipe(path: Path) -> bool:
-    try:
-        return _RECIPE.search(read_regular(path, MAX_BYTES)) is not None
-    except (OSError, ValueError):
-        return False
-
-
 def _entries(folder: Path) -> list[Path]:
     try:
         return sorted(folder.iterdir())[:_MAX_NAMES]
     except (OSError, ValueError):
         return []
-
-
-def _quoted(path: Path) -> str:
-    return f'"{printable(str(path))}"'

@@ -87,19 +87,14 @@ def read(path: Path) -> Sources:
     seen: list[str] = []
     while name is not None:
         if len(seen) >= MAX_CHAIN:
-            message, remedy = (
-                f"extends: {len(seen) + 1} files in the chain, the limit is {MAX_CHAIN}",
-                "join some of the files",
-            )
-            _report(sources, message, place, remedy, Code.INPUT_LIMIT)
+            message = f"extends: {len(seen) + 1} files in the chain, the limit is {MAX_CHAIN}"
+            _report(sources, message, place, "join some of the files", Code.INPUT_LIMIT)
             return sources
         value = _read_one(folder, name, place, sources)
         if value is None:
             return sources
         seen.append(name)
-        layers.append(
-            value if len(seen) == 1 else _without(value, "recipe", "extends")
-        )  # a name is the root file's own
+        layers.append(value if len(seen) == 1 else _without(value, "recipe", "extends"))  # a name is the root's own
         name, place = _next(folder, name, value, seen, sources)
     merged = layers.pop()
     while layers:
@@ -154,32 +149,25 @@ def _report(
 
 def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) -> Value | None:
     path = folder / name
+    where = f"extends: {show(name)}: " if place else f"{path}: "
     try:
         content = read_regular(path, yaml_reader.MAX_BYTES)
     except FileNotFoundError:
-        where = _label(name, place) if place else f"{path}: "
-        remedy = "paths are relative to this file" if place else "`recipe init` writes a recipe"
-        near = nearest_file(path, {folder / read for read in sources.files})
-        _report(sources, f"{where}there is no such file", place, near or remedy, Code.FILE_NOT_FOUND)
+        usual = "paths are relative to this file" if place else "`recipe init` writes a recipe"
+        remedy = nearest_file(path, {folder / read for read in sources.files}) or usual
+        _report(sources, f"{where}there is no such file", place, remedy, Code.FILE_NOT_FOUND)
         return None
     except IsADirectoryError:
-        message = f"{_label(name, place) if place else f'{path}: '}is a folder"
-        _report(sources, message, place, file_help.recipe_of_folder(path))
+        _report(sources, f"{where}is a folder", place, file_help.recipe_of_folder(path))
         return None
     except (OSError, ValueError) as error:
         cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        _report(
-            sources,
-            f"{_label(name, place) if place else f'{path}: '}cannot be read: {cause}",
-            place,
-            "name a recipe file that you may read",
-        )
+        _report(sources, f"{where}cannot be read: {cause}", place, "name a recipe file that you may read")
         return None
     sources.files[name] = hashlib.sha256(content).hexdigest()
     kind = file_help.other_kind(content)
     if kind is not None:
-        message = f"{_label(name, place) if place else f'{path}: '}is {kind[0]}, and not a recipe"
-        _report(sources, message, place, kind[1], Code.INVALID_VALUE)
+        _report(sources, f"{where}is {kind[0]}, and not a recipe", place, kind[1], Code.INVALID_VALUE)
         return None
     shown = yaml_reader.printable(str(path))
     sources.lines[shown] = yaml_reader.lines(content)
@@ -190,10 +178,6 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         _report(sources, message, value.place, "start with the line `recipe: its_name`", Code.INVALID_VALUE)
         return None
     return value
-
-
-def _label(name: str, place: Place | None) -> str:
-    return f"extends: {show(name)}: " if place else ""
 
 
 def _kind(value: Value) -> str:
