@@ -17,13 +17,24 @@ from typing import TYPE_CHECKING
 from recipe_compiler.ir.plurals import count
 
 from recipe_cli.console import COLOURS, Styled, safe, say, width
-from recipe_cli.words import option_help
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
 
-_BEFORE, _AFTER = 50, 60  # characters of a long source line that are shown around the place
+_BEFORE = 50  # characters of a long source line that are shown before the place
+_AFTER = 60  # and after it
 _TOKEN = re.compile(r""""(?:[^"\\]|\\.)*"|'[^']*'|[^\s,:{}\[\]#]+|.""")
+
+_OPTIONS = {  # code -> part of the library's remedy, which names no options, and what is added after it
+    "size-limit": {r"\Z": ", or give --allow-large"},
+    "unknown-device": {r"\Z": " (--device)"},
+    "output-in-the-way": {r"choose (another|a) (folder|place|file)": " (--output)", r"replace it\b": " (--replace)"},
+    "invalid-dataset": {r"repair the dataset\b": " (`recipe build RECIPE --repair`)"},
+    "invalid-lockfile": {
+        r"with traces\b": " (`recipe lock --update --with-traces`)",
+        r"write it again\b": " (`recipe lock --update`)",
+    },
+}
 
 
 def print_problems(severity: str, problems: Sequence[Problem]) -> None:
@@ -51,8 +62,12 @@ def print_rest(severity: str, problems: Sequence[Problem]) -> None:
 
 
 def remedy(problem: Problem) -> str | None:
-    """Return a problem's remedy: in the words of the command line if an option helps, else in the library's."""
-    return option_help(problem) or problem.help
+    """Return a problem's remedy, with the command-line options that help."""
+    text = problem.help
+    if text and "--" not in text:
+        for part, option in _OPTIONS.get(problem.code, {}).items():
+            text = re.sub(part, rf"\g<0>{option}", text)
+    return text
 
 
 def _share_remedy(problem: Problem, following: Problem) -> bool:

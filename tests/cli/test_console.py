@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from recipe_cli import console, diagnostics
 from recipe_cli.commands import check, plan, verify
 from recipe_cli.console import Styled, in_colour, safe, say
-from recipe_cli.words import option_help
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, printable, split_remedy
 
@@ -313,7 +312,7 @@ def test_urls_are_masked_where_the_command_line_prints() -> None:
 
 @pytest.mark.slow
 def test_the_library_names_no_command_line_options() -> None:
-    """Its problems are also shown to users of Python; `words` adds the options. A dataset's card may name options."""
+    """Its problems are also shown to users of Python; `diagnostics` adds options. A card may name options."""
     seen = 0
     for path, tree in (*modules("recipe_compiler"), *modules("recipe_runtime")):
         scopes = [node for node in walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))]
@@ -340,14 +339,14 @@ def test_the_library_names_no_command_line_options() -> None:
     ],
 )
 def test_options_are_added_to_the_remedies_of_output_in_the_way(remedy: str, shown: str) -> None:
-    assert option_help(Problem("x is in the way", help=remedy, code=Code.OUTPUT_IN_THE_WAY)) == shown
-    assert option_help(Problem("x is damaged", help=remedy)) is None
-    assert option_help(Problem("x is in the way", help="wait", code=Code.OUTPUT_IN_THE_WAY)) is None
+    assert diagnostics.remedy(Problem("x is in the way", help=remedy, code=Code.OUTPUT_IN_THE_WAY)) == shown
+    assert diagnostics.remedy(Problem("x is damaged", help=remedy)) == remedy
+    assert diagnostics.remedy(Problem("x is in the way", help="wait", code=Code.OUTPUT_IN_THE_WAY)) == "wait"
 
 
 def test_the_command_that_writes_traces_is_added() -> None:
     problem = Problem("x.traces: damaged", help="lock the recipe again, with traces", code=Code.INVALID_LOCKFILE)
-    assert option_help(problem) == "lock the recipe again, with traces (`recipe lock --update --with-traces`)"
+    assert diagnostics.remedy(problem) == "lock the recipe again, with traces (`recipe lock --update --with-traces`)"
 
 
 def test_the_command_that_writes_a_lockfile_again_is_added() -> None:
@@ -355,7 +354,7 @@ def test_the_command_that_writes_a_lockfile_again_is_added() -> None:
     with pytest.raises(InputError) as caught:
         lockfile.loads("recipe-lock 1\nbananas 3\n", "x.lock")
     help = "restore the file from a copy, or write it again (`recipe lock --update`)"
-    assert option_help(caught.value.problems[0]) == help
+    assert diagnostics.remedy(caught.value.problems[0]) == help
 
 
 def test_a_remedy_that_problems_share_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from recipe_cli import diagnostics
 from recipe_cli.main import recipe as cli
-from recipe_cli.words import option_help
 from recipe_compiler.estimate import TooLargeError
 from recipe_runtime.core import host
 
@@ -34,7 +34,7 @@ def test_too_little_memory_is_an_error_before_any_work(
     error = _run(command, path).exception
     assert isinstance(error, TooLargeError)  # exit code 2
     assert "over the 300 MiB of this host" in str(error)
-    assert [option_help(problem) for problem in error.problems] == [
+    assert [diagnostics.remedy(problem) for problem in error.problems] == [
         "ask for fewer frames or variants, or give --allow-large"
     ]
     assert [found.name for found in path.parent.iterdir()] == ["tiny.yaml"]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
+from recipe_cli import diagnostics
 from recipe_cli.commands import surfaces
 from recipe_cli.commands.surfaces import command
-from recipe_cli.words import option_help
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.estimate import Memory
 from recipe_compiler.ir.errors import InputError
@@ -103,7 +103,9 @@ def test_pictures_of_a_large_town_are_estimated_first(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"for 1,8\d\d pictures, about 1\d minutes of one core are over 5") as caught:
         run(str(tmp_path / "large.yaml"), "-o", str(tmp_path / "out"))
     assert caught.value.problems[0].code == "size-limit" and not (tmp_path / "out").exists()
-    assert option_help(caught.value.problems[0]) == "give a pattern that selects fewer names, or give --allow-large"
+    assert (
+        diagnostics.remedy(caught.value.problems[0]) == "give a pattern that selects fewer names, or give --allow-large"
+    )
 
 
 def test_pictures_that_exceed_the_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
