@@ -25,11 +25,12 @@ def lockfile_path(recipe: Path, name: str) -> Path:
     is searched.
     """
     start = recipe.resolve().parent
-    owners = _trusted_owners(recipe)
     beside = start / f"{name}.lock"
-    if _owner(beside) in owners:
+    if os.path.lexists(beside):
         return _short(beside)
-    return _short(_project(start, owners) / FOLDER / f"{name}.lock")
+    folders = (start, *start.parents)
+    project = next((folder for folder in folders if any(os.path.lexists(folder / m) for m in _MARKERS)), start)
+    return _short(project / FOLDER / f"{name}.lock")
 
 
 def read_lockfile(recipe: Path, plan: DatasetPlan) -> tuple[Path, Lockfile] | None:
@@ -61,33 +62,6 @@ def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lock
             f" give one of them another name (`recipe: NAME`){apart};"
             f" `recipe lock {recipe} --replace` assigns this one to {recipe}"
         )
-
-
-def _project(start: Path, owners: frozenset[int]) -> Path:
-    """The root of the project that a folder belongs to: the nearest folder upwards with one of `_MARKERS`.
-
-    The search ends at the first folder of another user, and a marker of another user does not count: only the
-    caller and the owner of the recipe decide which lockfile is used. The folder itself, if it is in no project.
-    """
-    for folder in (start, *start.parents):
-        if any(_owner(folder / marker) in owners for marker in _MARKERS):
-            return folder
-        if _owner(folder.parent) not in owners:
-            break
-    return start
-
-
-def _trusted_owners(recipe: Path) -> frozenset[int]:
-    """Return the users whose folders may contain the recipe's lockfile: the caller and the owner of the recipe."""
-    return frozenset({os.geteuid(), _owner(recipe.resolve())} - {None})  # type: ignore[arg-type]
-
-
-def _owner(path: Path) -> int | None:
-    """Return the user id that owns a file, folder or link; None if it does not exist."""
-    try:
-        return path.lstat().st_uid
-    except OSError:
-        return None
 
 
 def check_default_folder(folder: Path, option: str = "--output") -> Path:
