@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import click
 
-from recipe_cli import completion, places
+from recipe_cli import completion, host_limits, places
 from recipe_cli.console import State, warn
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ def compile_quietly(
     """
     from recipe_compiler.compile import compile_recipe
 
-    memory = None if workers is None else places.memory(workers)
+    memory = None if workers is None else host_limits.memory(workers)
     compiled = compile_recipe(path, allow_large=allow_large, free_disk=free_disk, memory=memory)
     warn(*compiled.warnings)
     return compiled

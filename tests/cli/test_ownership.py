@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from recipe_cli import places
+from recipe_cli import lockfile_paths
 from recipe_cli.commands import (
     blueprints,
     build,
@@ -373,9 +373,9 @@ def test_the_lockfile_is_searched_for_beside_the_recipe_and_in_its_project_only(
     (project / marker).mkdir()
     recipe = project / "recipes" / "deep" / "r.yaml"
     recipe.touch()
-    assert places.lockfile_path(recipe, "r").resolve() == project / "lockfiles" / "r.lock"
+    assert lockfile_paths.lockfile_path(recipe, "r").resolve() == project / "lockfiles" / "r.lock"
     (recipe.parent / "r.lock").touch()
-    assert places.lockfile_path(recipe, "r").resolve() == recipe.parent / "r.lock"
+    assert lockfile_paths.lockfile_path(recipe, "r").resolve() == recipe.parent / "r.lock"
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 from recipe_cli.arguments import opened
 from recipe_cli.commands.verify import command
+from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.main import recipe
-from recipe_cli.places import check_bytes, check_cost
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.estimate import estimate
 from recipe_compiler.ir.errors import InputError, RunError

@@ -30,16 +30,9 @@ from recipe_cli.arguments import (
 )
 from recipe_cli.build_report import Outcome
 from recipe_cli.console import fail, print_json, say, warn
-from recipe_cli.places import (
-    check_default_folder,
-    check_utf8,
-    free_disk,
-    lockfile_path,
-    read_lockfile,
-    recipe_files,
-    source_of,
-    used_files,
-)
+from recipe_cli.host_limits import free_disk
+from recipe_cli.lockfile_paths import lockfile_path, read_lockfile, source_of
+from recipe_cli.places import check_default_folder, check_utf8, recipe_files, used_files
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import url_with_one_slash
 

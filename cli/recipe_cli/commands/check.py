@@ -11,7 +11,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON, RECIPES, LocalPath, opened, worker_count
 from recipe_cli.console import print_json, row, say, warn
-from recipe_cli.places import memory
+from recipe_cli.host_limits import memory
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem

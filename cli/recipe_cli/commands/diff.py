@@ -9,7 +9,7 @@ import click
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, compile_quietly, opened
 from recipe_cli.console import print_json, say
-from recipe_cli.places import lockfile_path
+from recipe_cli.lockfile_paths import lockfile_path
 from recipe_cli.suggestions import check_exists
 
 if TYPE_CHECKING:

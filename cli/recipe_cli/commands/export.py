@@ -11,7 +11,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, output_option, replace_option
 from recipe_cli.console import print_json, say, warn
-from recipe_cli.places import check_bytes, check_cost
+from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:

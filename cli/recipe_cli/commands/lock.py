@@ -23,7 +23,8 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import fail, print_json, say
-from recipe_cli.places import check_lockfile_is_of, check_utf8, lockfile_path, source_of, used_files
+from recipe_cli.lockfile_paths import check_lockfile_is_of, lockfile_path, source_of
+from recipe_cli.places import check_utf8, used_files
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:

@@ -10,14 +10,8 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, output_option, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import (
-    FOLDER,
-    check_lockfile_is_of,
-    check_utf8,
-    lockfile_path,
-    recipe_files,
-    used_files,
-)
+from recipe_cli.lockfile_paths import FOLDER, check_lockfile_is_of, lockfile_path
+from recipe_cli.places import check_utf8, recipe_files, used_files
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled

@@ -11,7 +11,7 @@ from recipe_compiler.ir.plurals import count
 from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, unpacks, worker_count
 from recipe_cli.console import print_document, print_json, say
-from recipe_cli.places import memory
+from recipe_cli.host_limits import memory
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled

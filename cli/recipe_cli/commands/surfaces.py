@@ -14,7 +14,8 @@ from recipe_compiler.ir.plurals import count
 from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, REPLACE, VARIANT, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import check_outside_datasets, memory, used_files
+from recipe_cli.host_limits import memory
+from recipe_cli.places import check_outside_datasets, used_files
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.patches import PatchFace, PatchPlan

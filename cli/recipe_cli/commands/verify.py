@@ -26,16 +26,9 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
-from recipe_cli.places import (
-    FOLDER,
-    check_bytes,
-    check_cost,
-    check_default_folder,
-    check_lockfile_is_of,
-    check_outside_datasets,
-    lockfile_path,
-    recipe_of,
-)
+from recipe_cli.host_limits import check_bytes, check_cost
+from recipe_cli.lockfile_paths import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
+from recipe_cli.places import check_default_folder, check_outside_datasets
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
 
