@@ -68,8 +68,8 @@ def sensors(context: click.Context, parameter: click.Parameter, incomplete: str)
 
 
 def modalities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """The modalities that the recipe captures, else all."""
-    return _items(_outline(context).modalities or MODALITIES, incomplete)
+    """All modalities."""
+    return _items(MODALITIES, incomplete)
 
 
 def devices(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

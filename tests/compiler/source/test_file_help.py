@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
 import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.source.file_help import nearest_file, recipe_of_folder
+from recipe_compiler.source.file_help import recipe_of_folder
 from recipe_compiler.source.similar_names import similar_names
 
 
@@ -44,21 +43,6 @@ def test_files_of_other_kinds_are_recognised(tmp_path: Path, body: bytes, messag
     path.write_bytes(body)
     with pytest.raises(InputError, match=message):
         compile_recipe(path)
-
-
-def test_few_of_many_names_are_compared_letter_by_letter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder of 2,000 files whose names have the letters of the missing ones took a second for each of 50 assets."""
-    _files(tmp_path, *(f"crate-{number:04d}.obj" for number in range(200)), "lamp_post.obj")
-    compared = []
-    real = difflib.get_close_matches
-
-    def counted(word: str, names: list[str], n: int, cutoff: float) -> list[str]:
-        compared.append(len(names))
-        return real(word, names, n=n, cutoff=cutoff)
-
-    monkeypatch.setattr(difflib, "get_close_matches", counted)
-    assert nearest_file(tmp_path / "lamp_pots.obj") == 'did you mean "lamp_post.obj"?'
-    assert compared and max(compared) <= 30
 
 
 def test_long_names_are_compared_in_part() -> None:
