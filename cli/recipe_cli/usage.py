@@ -18,7 +18,6 @@ _REWORDED = (  # click's words -> ours
     (r"File '(.*)' is a directory", r"'\1' is a folder"),
     (r"Directory '(.*)' is a file", r"'\1' is a file, not a folder"),
 )
-_SHARE = re.compile(r"([0-9.]+) is not from (0\.[0-9]+) to (0\.[0-9]+)\Z")
 
 
 def problem_of(error: click.ClickException) -> Problem:
@@ -35,8 +34,5 @@ def problem_of(error: click.ClickException) -> Problem:
     if isinstance(error, click.NoSuchOption) and error.option_name == "--frames":
         remedy = "the recipe sets the number of frames: change `frames` in its `clock`"
         return Problem("no such option '--frames'", help=remedy, code=Code.USAGE)
-    share = _SHARE.search(message)
-    if share and float(share[2]) <= float(share[1]) / 100 <= float(share[3]):
-        return Problem(message, help=f"write {float(share[1]) / 100:g} for {float(share[1]):g} %", code=Code.USAGE)
     found = Problem(message, code=Code.USAGE)
     return found if found.help else Problem(message, help=f"see `{command} --help`", code=Code.USAGE)

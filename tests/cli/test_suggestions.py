@@ -78,7 +78,7 @@ def test_a_url_with_one_slash_is_refused(project: Path, monkeypatch: pytest.Monk
         (("shot", "mine.yaml", "--frame", "two"), "invalid value for '--frame': 'two' is not a whole number", "see `"),
         (("shot", "mine.yaml", "--frame", "-1"), "invalid value for '--frame': -1 is below 0", "see `"),
         (("build", "mine.yaml", "--workers", "0"), "invalid value for '--workers': 0 is not from 1 to 256", "see `"),
-        (("verify", "--confidence", "95"), "'--confidence': 95.0 is not from 0.5 to 0.9999", "write 0.95 for 95 %"),
+        (("verify", "--confidence", "95"), "'--confidence': 95.0 is not from 0.5 to 0.9999", "see `"),
         (("verify", "--bound", "nan"), "invalid value for '--bound': nan is not a number", "see `"),
         (("verify", "--bound", "x"), "invalid value for '--bound': 'x' is not a number", "see `"),
         (("verify", "--against", "mine.yaml"), "'mine.yaml' is a file, not a folder", "see `"),
