@@ -103,11 +103,11 @@ class Lowering:
 
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """Return the plans of a variant; None, with entries in `problems`, if it cannot be lowered."""
-        cast = [base.clock, base.town, base.actors, base.traffic, base.props]
+        sections = [base.clock, base.town, base.actors, base.traffic, base.props]
         if base.traffic.near is not None:
-            cast.append(base.sensors)
-        key = ("scene", *map(id, cast), patch_lowering.board_key(base.patches), variant.seed)
-        scene = self._once_reporting(key, cast, lambda: self._scene(variant, base))
+            sections.append(base.sensors)
+        key = ("scene", *map(id, sections), patch_lowering.board_key(base.patches), variant.seed)
+        scene = self._once_reporting(key, sections, lambda: self._scene(variant, base))
         if scene is None or not self._carriers_exist(variant, base, scene):
             return None
         town = self._town(base.town)
@@ -181,9 +181,9 @@ class Lowering:
 
     def _scene(self, variant: Variant, base: Base) -> _Scene | None:
         town = self._town(base.town)
-        cast = ActorLowering(variant, base, town, self._instances)
-        actors = cast.plans()
-        self.problems += cast.problems
+        actor_lowering = ActorLowering(variant, base, town, self._instances)
+        actors = actor_lowering.plans()
+        self.problems += actor_lowering.problems
         stage = props.lower(base.props, self._assets, variant.base, town)
         patch_lowering.add_boards(stage, base.patches, variant.base, town)
         self.problems += stage.problems
@@ -210,7 +210,7 @@ class Lowering:
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)
         self.warnings += lint.of_vehicle_routes(variant.base, base.actors, actors, routes.solid, clock)
         # All colours come from a palette or are validated. Validating a town's again would be the slowest step here.
-        looks = Looks.model_construct(root={**town.looks, **cast.looks, **stage.looks})
+        looks = Looks.model_construct(root={**town.looks, **actor_lowering.looks, **stage.looks})
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
         return _Scene(plan, looks, stage.textures)
 
