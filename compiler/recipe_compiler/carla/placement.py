@@ -25,12 +25,19 @@ from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.enclosures import Yards
 
 _OFFSETS = (0.0, -2.0, 2.0)  # metres from a spawn point, across and along its direction
-_MAX_SPOTS, _MAX_POINTS = 150, 24  # spawn points that are tried, and points whose cost is computed
+_MAX_SPOTS = 150  # spawn points that are tried
+_MAX_POINTS = 24  # points whose cost is computed
 _LOW = 4.0  # metres: the view of lower cameras is blocked by buildings, and they are in the way of traffic
 # Costs of a point:
-_SOLID, _OFF_LANE, _ON_ROAD, _HIDDEN, _OBSTRUCTED, _PARTLY_HIDDEN = 1000.0, 40.0, 12.0, 6.0, 2.0, 0.5
+_SOLID = 1000.0  # inside something solid
+_OFF_LANE = 40.0  # a vehicle not on a lane
+_ON_ROAD = 12.0  # a pedestrian on a road; half of it for a low camera
+_HIDDEN = 6.0  # a building before a camera
+_OBSTRUCTED = 2.0  # each obstacle on the way of an actor, or in the view of a camera
+_PARTLY_HIDDEN = 0.5  # each smaller obstacle before a camera
 _PER_METRE = 0.01  # cost per metre from the middle of the town
-_LANE, _TURN = 1.0, 25.0  # metres and degrees by which a vehicle may deviate from a lane
+_LANE = 1.0  # metres by which a vehicle may deviate from a lane
+_TURN = 25.0  # degrees by which a vehicle may deviate from a lane
 
 XY = tuple[float, float]
 

@@ -18,7 +18,8 @@ from recipe_compiler.ir.plurals import count
 from recipe_compiler.lowering.placement import BASE_NUMBERS
 from recipe_compiler.source.yaml_reader import show
 
-MAX_SENSORS, MAX_GENERATORS = 200, 100
+MAX_SENSORS = 200
+MAX_GENERATORS = 100
 ACTORS = ("walker", "vehicle")
 
 

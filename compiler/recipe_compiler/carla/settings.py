@@ -14,7 +14,8 @@ from recipe_compiler.schema.fields import MAX_FRAMES, MAX_SEED
 
 Keys = tuple[str, ...]  # a path of keys
 
-_PHYSICS_RATE, _MAX_RATE = 240, 1000  # steps per second: the language's default and limit
+_PHYSICS_RATE = 240  # steps per second, the language's default
+_MAX_RATE = 1000  # steps per second, the language's limit
 _NO_SERVER = "no server: the recipe is simulated in the process that builds it"
 _IGNORED = {
     "host": _NO_SERVER,

@@ -17,7 +17,8 @@ from typing import Protocol
 from recipe_compiler.ir import exact
 
 MAX_SAMPLES = 4096 * 4096  # of an undistorted image
-_MIN_SLOPE, _MAX_SLOPE = 0.5, 6.0  # of f(r) r, the local magnification
+_MIN_SLOPE = 0.5  # of f(r) r, the local magnification
+_MAX_SLOPE = 6.0  # likewise
 _MAX_TANGENT = 14.3  # of half the maximal field of view, 172 degrees
 _MIN_SUPERSAMPLE = 2  # samples of an undistorted image along a pixel's side
 _STEPS = 64

@@ -12,14 +12,20 @@ from recipe_compiler.ir.canonical import JsonValue
 
 # Limits of a plan, whether it was compiled here or read from a file. `plan_bounds` has the ranges
 # of bodies' shapes, and how many things a town may have of each kind.
-MAX_VARIANTS, MAX_SENSORS, MAX_FRAMES = 10_000, 1_000, 1_000_000
-MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
+MAX_VARIANTS = 10_000
+MAX_SENSORS = 1_000
+MAX_FRAMES = 1_000_000
+MAX_ELEMENTS = 10_000
+MAX_ACTORS = 1_000
+MAX_PROPS = 1_000
+MAX_POINTS = 10_000
 MAX_BODIES = MAX_ELEMENTS + MAX_ACTORS + MAX_PROPS
 MAX_SLOTS = 64
 MAX_FILE_BYTES = 32 << 20
 MAX_INTERVAL = 86_400 * 1000  # frames from one picture of a sensor to the next: a day at the highest frame rate
 MAX_PIXELS_A_SIDE = 4096
-MAX_VARIANT_NAME, MAX_DESCRIPTION = 240, 2000  # characters
+MAX_VARIANT_NAME = 240  # characters
+MAX_DESCRIPTION = 2000  # characters
 
 
 def fixed(value: float) -> float:

@@ -14,7 +14,8 @@ from typing import Literal
 Light = Literal["red", "amber", "green"]
 LAMPS = ("red", "amber", "green", "dont_walk", "walk")
 """The lamps of a signal: three for vehicles, two for the pedestrians who cross before it."""
-WALK_DELAY, WALK_CLEARANCE = 2.0, 8.0  # seconds; the clearance is the time to cross ten metres at 1.25 m/s
+WALK_DELAY = 2.0  # seconds
+WALK_CLEARANCE = 8.0  # seconds, the time to cross ten metres at 1.25 m/s
 
 
 def lit(shape: Mapping[str, float], seconds: float) -> tuple[bool, ...]:

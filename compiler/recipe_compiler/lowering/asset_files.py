@@ -22,10 +22,14 @@ from recipe_compiler.source.file_help import nearest_file
 from recipe_compiler.source.merge import Sources, forbidden, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 
-MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20
-ALL_TRIANGLES, ALL_PIXELS = 2_000_000, MAX_TEXTURE_PIXELS
+MESH_BYTES = 32 << 20
+IMAGE_BYTES = 16 << 20
+ALL_BYTES = 128 << 20
+ALL_TRIANGLES = 2_000_000
+ALL_PIXELS = MAX_TEXTURE_PIXELS
 ALL_PARTS = 100_000  # each part of a mesh costs time, however small it is
-INVALID_FILES, INVALID_BYTES = 5, 32 << 20  # invalid files that are decoded before the others are left out
+INVALID_FILES = 5  # invalid files that are decoded before the others are left out
+INVALID_BYTES = 32 << 20  # of invalid files, likewise
 MISSING_FILES = 50  # files that cannot be read, likewise
 _KINDS = {"mesh": ("glb", "gltf", "obj", "stl"), "image": ("png",)}
 _WHY = {

@@ -10,7 +10,9 @@ from recipe_compiler.ir.plan import ActorPlan, Pause, Point, Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.blueprints import Blueprint
 
-RUNNERS, PAUSING, PAIRED = 1 / 12, 0.25, 0.2  # of adults; of walkers; of those after a walker without companion
+RUNNERS = 1 / 12  # share of adults
+PAUSING = 0.25  # share of walkers
+PAIRED = 0.2  # share of those after a walker without companion
 _RUNNING = (2.6, 3.2)  # m/s
 _PAUSES = 0.5  # share of the places where one may pause at which one who pauses does
 _SECONDS = (4.0, 15.0)  # of a pause

@@ -28,7 +28,8 @@ from recipe_compiler.schema.recipe import Base
 WARMUP = 10.0  # seconds, where a recipe with moving traffic gives none
 _GLOBS = {"vehicle": "vehicle.*", "pedestrian": "walker.pedestrian.*"}
 _MEAN_PACE = 0.6  # mean speed of traffic as a part of its desired speed
-_NEAR, _FAR = 4.0, 60.0  # metres from a sensor between which an actor is a clear sight
+_NEAR = 4.0  # metres; a nearer actor is no clear sight of a sensor
+_FAR = 60.0  # metres; nor is one farther away
 
 
 @functools.lru_cache(maxsize=8)

@@ -20,8 +20,10 @@ MAX_DRAWN = 1e15  # limit of the bounds of a draw: far larger than any number in
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folder names; tools that use file stems do not expect dots
 BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
 NAME_LENGTH = 64
-MAX_PROPS, MAX_ASSETS = 1000, 100
-TRAFFIC_LIMIT, PARKED_LIMIT = 250, 100  # instance numbers are three digits, assigned in lowering/placement.py
+MAX_PROPS = 1000
+MAX_ASSETS = 100
+TRAFFIC_LIMIT = 250  # instance numbers are three digits, assigned in lowering/placement.py
+PARKED_LIMIT = 100  # likewise
 
 Name = Annotated[str, StringConstraints(pattern=NAME, max_length=NAME_LENGTH)]
 ActorName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=NAME_LENGTH)]

@@ -19,9 +19,11 @@ FRONTED = frozenset({"building", "house", "wall"})  # elements with the origin i
 # Elements with the origin in their middle. A billboard's panel is above head height, so it is not solid.
 FURNITURE = frozenset({"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain", "guardrail", "hedge"})
 FURNITURE |= {"hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
-STEP_OVER, HEADROOM = 0.25, 1.9  # heights below which people step over, and above which they walk under, an object
+STEP_OVER = 0.25  # metres; people step over lower objects
+HEADROOM = 1.9  # metres; people walk under higher objects
 _BARK = 1.1  # half the side of a tree's square, as a multiple of its trunk's radius
-_CELL, _REACH = 4.0, 0.6  # edge length of a cell of the index; the greatest margin of a query
+_CELL = 4.0  # metres, edge length of a cell of the index
+_REACH = 0.6  # metres, the greatest margin of a query
 _MAX_CELLS = 4096  # of one obstacle in the index
 _INFINITE = math.inf
 

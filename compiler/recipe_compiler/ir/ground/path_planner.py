@@ -20,7 +20,8 @@ CLEARANCE = 0.35  # metres between the middle of a pedestrian and an obstacle
 BODY = 0.2  # metres: minimum distance between the middle of a pedestrian and an obstacle
 _OUTSIDE = 0.01  # metres from the clearance to the corners where paths bend
 _MAX_OBSTACLES = 160  # in one search; paths around more of them are not found
-_STEP, _RINGS = 0.25, 200  # grid spacing of candidates for free positions, metres, and maximum number of rings
+_STEP = 0.25  # metres, grid spacing of candidates for free positions
+_RINGS = 200  # maximum number of rings of candidates
 _PLACE = 8  # cost of testing whether a position is clear, in tests of one obstacle
 _EPSILON = 1e-6  # metres
 

@@ -19,7 +19,9 @@ INSERTED: tuple[PatchMode, ...] = ("digital", "color_transfer")  # modes that in
 WITH_CHART: tuple[TransferMethod, ...] = ("dapricot", "matrix", "reap")  # methods that need the picture of a chart
 GREEN = "#00903a"  # the placeholder colour
 STATIC = "static"  # the part of a static body; its frame is world space
-MAX_PATCHES, MAX_FACES, MAX_PATCH_SLOTS = 64, 64, 64
+MAX_PATCHES = 64
+MAX_FACES = 64
+MAX_PATCH_SLOTS = 64
 MAX_EMISSION = 100_000.0  # cd/m2
 
 Vector = tuple[Metres, Metres, Metres]

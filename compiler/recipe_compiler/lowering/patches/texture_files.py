@@ -17,7 +17,8 @@ from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.merge import Sources, forbidden, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 
-MAX_SEQUENCE, MAX_IMAGES = 10_000, 100_000  # images of a folder, and of all folders that a recipe names
+MAX_SEQUENCE = 10_000  # images of a folder
+MAX_IMAGES = 100_000  # images of all folders that a recipe names
 _MAX_PROBLEMS = 20  # after which no further folder is listed
 _PREFIX = "texture:"  # keeps their names distinct from those of assets
 
