@@ -31,9 +31,8 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
         raise InputError("--size says how much --prune leaves; give both")
     limit = pruning.limit() if size is None else pruning.bytes_of(size)
     roots = pruning.folders()
-    spared = pruning.oldest_lease(roots)
     with host_errors(f"the cache {' or '.join(map(str, roots))}", "allow writing, or set RECIPE_CACHE"):
-        removed = pruning.prune(roots, limit, spared) if prune and limit is not None else []
+        removed = pruning.prune(roots, limit) if prune and limit is not None else []
     sizes = pruning.sizes(pruning.entries(roots))
     if as_json:
         kinds = {kind: {"entries": number, "bytes": total} for kind, (number, total) in sizes.items()}

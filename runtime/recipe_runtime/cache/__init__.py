@@ -1,1 +1,1 @@
-"""The cache folder: its store of Traces and records, leases of running processes, and pruning."""
+"""The cache folder: its store of Traces and records, and pruning."""

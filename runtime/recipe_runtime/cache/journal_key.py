@@ -11,10 +11,11 @@ from pathlib import Path
 
 from recipe_compiler.ir.errors import RecipeError
 
-from recipe_runtime.cache.cache_folder import KEY, create_cache_folder
+from recipe_runtime.cache.store import create_cache_folder
 from recipe_runtime.core.files import open_no_follow
 from recipe_runtime.core.nonce import fresh_key
 
+KEY = "journal-key"
 _BYTES = 32
 
 

@@ -1,13 +1,16 @@
-"""Lists and prunes the cache, least recently used entries first.
+"""Lists and prunes the cache, least recently used entries first, and keeps what is in use.
 
-Only files that `cache_folder` recognises are counted and removed. All of them can be regenerated: traces by simulation,
-kernels by compilation. The user may therefore prune at any time, even during a build, which regenerates what it needs.
-A build that added entries prunes automatically to RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no limit), except
-for entries that a running build, lock, verification, shot or scenario has read since it began.
+All of the cache can be regenerated: traces by simulation, kernels by compilation. A build that added entries prunes
+automatically to RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no limit).
+
+Builds, locks, verifications, shots and opened scenarios hold a shared lock on the marker of the cache, which the kernel
+releases when their process ends. An entry's time stamp is updated whenever it is read, and the marker's when the first
+of several processes begins to use the cache. While the lock is held, only entries older than the marker are removed.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -17,9 +20,16 @@ from pathlib import Path
 
 from recipe_compiler.ir.errors import InputError
 
-from recipe_runtime.cache.cache_folder import contents, create_cache_folder, remove
-from recipe_runtime.cache.leases import lease, oldest_lease_in
-from recipe_runtime.cache.store import default_cache, kernel_cache
+from recipe_runtime.cache.store import (
+    KERNELS,
+    KINDS,
+    MARKER,
+    create_cache_folder,
+    default_cache,
+    is_cache_folder,
+    kernel_cache,
+)
+from recipe_runtime.core.files import remove_tree
 
 DEFAULT_LIMIT = 10 * 2**30
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
@@ -27,20 +37,12 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 @dataclass(frozen=True)
 class Entry:
-    """A file of the store, or a folder of compiled kernels. `used`: last read or write, in seconds since the epoch."""
+    """A file of the store, or the compiled kernels of a release. `used`: last use, in seconds since the epoch."""
 
     kind: str
-    root: Path  # the cache folder
     path: Path
     size: int
     used: float
-
-    def used_now(self) -> float:
-        """Return the current time of the last use."""
-        with suppress(OSError):
-            found = self.path.lstat()
-            return max(self.used, found.st_mtime, found.st_atime if self.kind != "kernels" else 0.0)
-        return self.used
 
 
 def folders() -> list[Path]:
@@ -66,32 +68,33 @@ def sizes(found: list[Entry]) -> dict[str, tuple[int, int]]:
     return dict(sorted(totals.items()))
 
 
-def prune(roots: Iterable[Path], limit: int, before: float = float("inf")) -> list[Entry]:
-    """Remove the least recently used entries until at most `limit` bytes are left.
+def prune(roots: Iterable[Path], limit: int) -> list[Entry]:
+    """Remove the least recently used entries that are not in use, until at most `limit` bytes are left.
 
     Args:
         roots: The cache folders.
         limit: Bytes.
-        before: Entries used at or after this time are kept, even if they are used during pruning.
 
     Returns:
         The removed entries.
 
     Raises:
         InputError: A folder has no marker and contains other files; no entry is removed.
+        OSError: A folder cannot be written to.
     """
-    found = entries(roots)
-    for root in dict.fromkeys(entry.root for entry in found):
-        create_cache_folder(root)  # adds the marker to a folder of an earlier version
-    left, removed = sum(entry.size for entry in found), []
-    for entry in found:
-        if left <= limit or entry.used >= before:
-            break
-        if before < float("inf") and entry.used_now() >= before:
-            continue
-        remove(entry.path, entry.root)
-        removed.append(entry)
-        left -= entry.size
+    roots, removed = [root for root in roots if is_cache_folder(root)], list[Entry]()
+    with ExitStack() as stack:
+        since = min((stack.enter_context(_used_since(root)) for root in roots), default=0.0)
+        found = entries(roots)
+        left = sum(entry.size for entry in found)
+        for entry in found:
+            if left <= limit:
+                break
+            with suppress(FileNotFoundError):
+                if entry.path.stat().st_mtime < since:  # it may have been read after it was listed
+                    remove_tree(entry.path)
+                    removed.append(entry)
+                    left -= entry.size
     return removed
 
 
@@ -122,24 +125,63 @@ def auto_prune(roots: Iterable[Path], max_bytes: int | None) -> list[Entry]:
     Returns:
         The removed entries.
     """
-    roots = list(roots)
     with suppress(OSError, InputError):
-        return [] if max_bytes is None else prune(roots, max_bytes, oldest_lease(roots))
+        return [] if max_bytes is None else prune(roots, max_bytes)
     return []
 
 
 @contextmanager
 def leased(*more: Path) -> Iterator[None]:
-    """Hold leases on the cache folders and on these inside the block."""
+    """Keep what is read from the cache folders, and from these, from being pruned inside the block."""
     with ExitStack() as stack:
         for root in dict.fromkeys([*more, *folders()]):
             stack.enter_context(lease(root))
         yield
 
 
-def oldest_lease(roots: Iterable[Path]) -> float:
-    """Return when the oldest active lease of any folder began; infinity if there is none."""
-    return min((oldest_lease_in(root) for root in roots), default=float("inf"))
+@contextmanager
+def lease(root: Path) -> Iterator[None]:
+    """Keep entries that are read from the cache at `root` inside the block from being pruned.
+
+    A cache that cannot be written is not pruned. A forked process shares the lock; only the process that took it
+    releases it.
+
+    Raises:
+        InputError: The folder has no marker and contains other files.
+    """
+    owner, handle = os.getpid(), -1
+    with suppress(OSError):
+        create_cache_folder(root)
+        handle = os.open(root / MARKER, os.O_RDWR | os.O_CLOEXEC)
+        if _lock_alone(handle):
+            os.utime(handle)
+        fcntl.flock(handle, fcntl.LOCK_SH)
+    try:
+        yield
+    finally:
+        if handle >= 0:
+            if os.getpid() == owner:
+                fcntl.flock(handle, fcntl.LOCK_UN)
+            os.close(handle)
+
+
+@contextmanager
+def _used_since(root: Path) -> Iterator[float]:
+    """Yield since when processes have used a cache without a break, in seconds since the epoch.
+
+    Infinity if none does; then none begins to use it inside the block.
+    """
+    with (root / MARKER).open("r+b") as file:
+        yield float("inf") if _lock_alone(file.fileno()) else os.fstat(file.fileno()).st_mtime
+
+
+def _lock_alone(handle: int) -> bool:
+    """Lock a file exclusively, and return whether that succeeded."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def bytes_of(text: str) -> int:
@@ -155,17 +197,20 @@ def bytes_of(text: str) -> int:
 
 
 def _entries(root: Path) -> Iterator[Entry]:
-    found = contents(root)
-    for kind, path in found.entries:
-        yield from _file(kind, root, path)
-    for module in found.modules:
-        files = [e for path in sorted(module.iterdir()) for e in _file("kernels", root, path)]
-        if files:
-            release = module.parent.parent.stat().st_mtime  # updated by each process that may load its kernels
-            yield Entry("kernels", root, module, sum(e.size for e in files), max(release, *(e.used for e in files)))
+    if not is_cache_folder(root):
+        return
+    for kind in KINDS:
+        for path in _files(root / kind):
+            with suppress(FileNotFoundError):
+                found = path.stat()
+                yield Entry(kind, path, found.st_size, found.st_mtime)
+    for release in sorted((root / KERNELS).glob("*")):
+        with suppress(FileNotFoundError):  # its time stamp is updated by each process that may load its kernels
+            size = sum(path.stat().st_size for path in _files(release))
+            yield Entry(KERNELS, release, size, release.stat().st_mtime)
 
 
-def _file(kind: str, root: Path, path: Path) -> Iterator[Entry]:
-    with suppress(OSError):
-        found = path.lstat()
-        yield Entry(kind, root, path, found.st_size, max(found.st_mtime, found.st_atime))
+def _files(folder: Path) -> Iterator[Path]:
+    """Yield all files below a folder, also temporary files of killed processes."""
+    for place, _, names in os.walk(folder):
+        yield from (Path(place) / name for name in names)

@@ -1,6 +1,12 @@
-"""A key-value store of Traces, pixels and records, addressed by digests of their inputs.
+"""A key-value store of Traces and records, addressed by digests of their inputs.
 
-The store is in the user's cache folder, or in the folder that RECIPE_CACHE names. Entries are verified when read: a
+    <cache>/CACHEDIR.TAG              Cache Directory Tagging Specification: backups skip the folder
+    <cache>/dataset-recipe-cache      the marker; its first line is the version of the layout
+    <cache>/<kind>/<ab>/<ab...>       entries: 2, then all 64 hexadecimal digits of the key
+    <cache>/kernels/<release>/        compiled kernels, which Warp arranges
+
+The store is in the user's cache folder, or in the folder that RECIPE_CACHE names. A folder without the marker is used
+only if it is empty; the folders of the kinds in a marked one belong to this project. Entries are verified when read: a
 damaged one counts as absent and is regenerated. Concurrent builds may write the same entry: they write the same bytes,
 and each write is one atomic rename.
 """
@@ -11,7 +17,6 @@ import hashlib
 import itertools
 import json
 import os
-import stat
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import astuple, replace
@@ -23,13 +28,24 @@ from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plan import ScenePlan
 
-from recipe_runtime.core.files import atomic_file, host_errors, make_folder, open_inside
+from recipe_runtime.core.files import atomic_file, host_errors, open_no_follow, write_atomic
 from recipe_runtime.core.trace import ContactEvent, Trace
 from recipe_runtime.core.versions import simulator_identity
 
 FORMAT = "recipe/store/2"
 KINDS = ("built", "contacts", "downloads", "pixels", "shards", "traces")
-"""All kinds of entries; other files in a cache folder do not belong to this project."""
+"""All kinds of entries."""
+KERNELS = "kernels"
+TAG = "CACHEDIR.TAG"
+MARKER = "dataset-recipe-cache"
+_FORM = b"recipe/cache/1\n"
+_MARKER_TEXT = _FORM + b"`recipe` keeps files here between runs; `recipe cache --prune` removes them.\n"
+_TAG_TEXT = (
+    b"Signature: 8a477f597d28d172789f06886806bc55\n"
+    b"# This folder is a cache of Dataset Recipe: all that it holds can be made again.\n"
+    b"# About cache directory tags, see https://bford.info/cachedir/\n"
+)
+_SETTINGS = ("RECIPE_CACHE", "RECIPE_KERNEL_CACHE")
 _LONGEST_HEADER = 400
 
 
@@ -64,6 +80,45 @@ def kernel_cache() -> Path:
     return Path(named) if named else default_cache()
 
 
+def is_cache_folder(root: Path) -> bool:
+    """Return whether a folder has the marker; False if it is absent or empty.
+
+    Raises:
+        InputError: It has no marker and is not empty.
+    """
+    there = sorted(path.name for path in root.iterdir()) if root.is_dir() else []
+    with suppress(OSError), open_no_follow(root / MARKER) as file:  # after the listing: it is the first file in a cache
+        if _FORM.startswith(file.read(len(_FORM)).rstrip(b"\0")):  # a power failure may empty it or fill it with zeros
+            return True
+    others = [name for name in there if not name.startswith(f".{MARKER}.")]  # another process may be writing the marker
+    if others:
+        raise _not_a_cache_error(root, others[0])
+    return False
+
+
+def create_cache_folder(root: Path) -> None:
+    """Create a cache folder if it is absent, and add the marker to an empty one.
+
+    Raises:
+        InputError: It has no marker and is not empty.
+        OSError: It has no marker and cannot be written to.
+    """
+    if not is_cache_folder(root):
+        write_atomic(root / MARKER, _MARKER_TEXT)
+        write_atomic(root / TAG, _TAG_TEXT)
+
+
+def _not_a_cache_error(root: Path, name: str) -> InputError:
+    setting = next((name for name in _SETTINGS if os.environ.get(name) and Path(os.environ[name]) == root), None)
+    if setting:
+        remedy = f"set {setting} to an empty folder or to a new one, such as {root / 'dataset-recipe'}"
+    elif root == default_cache():
+        remedy = "move that away, or set RECIPE_CACHE to an empty folder"
+    else:
+        remedy = f"name an empty folder or a new one, such as {root / 'dataset-recipe'}"
+    return InputError(f"{setting or 'the cache folder'} {root}: it holds {name}, which is not of a cache; {remedy}")
+
+
 class Store:
     """Entries by kind and key, in a folder that is created on the first write.
 
@@ -78,7 +133,7 @@ class Store:
         return self.root / kind / key[:2] / key
 
     def get(self, kind: str, key: str) -> bytes | None:
-        """Return the body of an entry; None if it is absent, damaged, another user's, or belongs to another key."""
+        """Return the body of an entry; None if it is absent, damaged, or belongs to another key."""
         file = self.open(kind, key)
         if file is None:
             return None
@@ -88,14 +143,12 @@ class Store:
     def open(self, kind: str, key: str) -> BinaryIO | None:
         """Return the file of an entry, at the first byte of its body, after verifying the digest.
 
-        None if it is absent or damaged, or belongs to another key, or to another user than this one or root.
+        None if it is absent or damaged, or belongs to another key.
         """
         path = self.path(kind, key)
         try:
             with ExitStack() as stack:
-                file = stack.enter_context(open_inside(self.root, f"{kind}/{key[:2]}/{key}"))
-                if not _is_own(os.fstat(file.fileno())):
-                    return None
+                file = stack.enter_context(open_no_follow(path))
                 head, hasher = file.readline(_LONGEST_HEADER), hashlib.sha256()
                 while piece := file.read(1 << 20):
                     hasher.update(piece)
@@ -106,7 +159,7 @@ class Store:
                     os.utime(path)  # pruning removes the least recently used entries
                 stack.pop_all()
                 return file
-        except (OSError, ValueError):
+        except OSError:
             return None
 
     def put(self, kind: str, key: str, body: bytes | Iterable[bytes]) -> None:
@@ -116,8 +169,6 @@ class Store:
             RunError: the folder cannot be written.
             InputError: the folder is not a cache.
         """
-        from recipe_runtime.cache.cache_folder import create_cache_folder
-
         if kind not in KINDS:
             raise ValueError(f"the store has no kind {kind!r}")
         ours = self.root == default_cache()
@@ -127,11 +178,7 @@ class Store:
         hasher = hashlib.sha256()
         with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
             create_cache_folder(self.root)
-            path = self.path(kind, key)
-            for folder in (path.parent.parent, path.parent):
-                make_folder(folder)
-            with atomic_file(path) as file:
-                _bar_others(file)
+            with atomic_file(self.path(kind, key)) as file:
                 file.write(header(kind, key, hasher.hexdigest()))  # placeholder of the same length
                 for piece in [body] if isinstance(body, bytes) else body:
                     hasher.update(piece)
@@ -170,27 +217,10 @@ class Store:
         if file is None:
             return None
         with file:
-            try:
-                trace = Trace.from_file(file, checked=True)
-            except (ValueError, KeyError):
-                return None  # written in an older format
-        return replace(trace, contacts=self._contacts(scene)) if is_motion_of(trace, scene) else None
-
-    def _contacts(self, scene: ScenePlan) -> tuple[ContactEvent, ...] | None:
-        """The contacts of a scene's stored Trace; None if they are absent, damaged, or of an older format."""
+            trace = Trace.from_file(file, checked=True)
         body = self.get("contacts", _trace_key(scene))
-        try:
-            rows = [] if body is None else json.loads(body)
-            found = tuple(ContactEvent(*row) for row in rows)
-        except (ValueError, TypeError, RecursionError):
-            return None
-        usable = all(
-            type(e.first) is type(e.second) is str
-            and type(e.start) is type(e.end) is int
-            and isinstance(e.impulse, (int, float))
-            for e in found
-        )
-        return found if body is not None and usable else None
+        contacts = None if body is None else tuple(ContactEvent(*row) for row in json.loads(body))
+        return replace(trace, contacts=contacts)
 
     def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
         """Replace a scene's stored Trace if it differs from this newly simulated one.
@@ -209,36 +239,9 @@ def _equal_motion(one: Trace, other: Trace) -> bool:
     return all(a == b for a, b in itertools.zip_longest(one.pieces(), other.pieces()))
 
 
-def _is_own(found: os.stat_result) -> bool:
-    """Return whether no other user can have written a file: anyone can compute the digest of an entry."""
-    return found.st_uid in (os.geteuid(), 0) and not found.st_mode & stat.S_IWOTH
-
-
-def _bar_others(file: BinaryIO) -> None:
-    """Let other users not write a new entry, which would count as absent (`_is_own`): the umask may allow it."""
-    mode = os.fstat(file.fileno()).st_mode
-    if mode & stat.S_IWOTH:
-        with suppress(OSError):  # a file system without modes
-            os.fchmod(file.fileno(), stat.S_IMODE(mode) & ~stat.S_IWOTH)
-
-
 def header(kind: str, key: str, sha256: str) -> bytes:
     """Return the first line of an entry, which ties its body to its kind and key."""
     return f"{FORMAT} {kind} {key} {sha256}\n".encode()
-
-
-def is_motion_of(trace: Trace, scene: ScenePlan) -> bool:
-    """Whether a Trace has the frames, the actors and the parts of a scene, in the plan's order."""
-    from recipe_runtime.body.skeleton import part_names
-
-    if trace.frames != scene.clock.frames or trace.actors != tuple(actor.name for actor in scene.actors):
-        return False
-    parts = {name: tuple(group) for name, group in itertools.groupby(trace.parts, lambda part: part.rpartition("/")[0])}
-    return tuple(parts) == trace.actors and all(
-        parts[actor.name]
-        in ((f"{actor.name}/base",), tuple(f"{actor.name}/{part}" for part in part_names(actor.shape)))
-        for actor in scene.actors  # (an engine may represent an actor by one rigid part, `base`)
-    )
 
 
 def _trace_key(scene: ScenePlan) -> str:

@@ -14,7 +14,6 @@ from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_compiler.ir.plurals import count, form
 
-from recipe_runtime.cache.store import is_motion_of
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset, tracks_difference
@@ -122,9 +121,11 @@ def matching_traces(
 
 def _fits(trace: Trace, scene: ScenePlan, engines: Engines) -> bool:
     """Return whether a Trace has the frames, actors and parts of a scene, and rotations."""
-    if not is_motion_of(trace, scene) or not trace.has_unit_rotations():
+    if trace.frames != scene.clock.frames or trace.actors != tuple(actor.name for actor in scene.actors):
         return False
-    return trace.parts == tuple(f"{body.name}/{part}" for body in engines.actors(scene) for part, _ in body.parts)
+    return trace.has_unit_rotations() and trace.parts == tuple(
+        f"{body.name}/{part}" for body in engines.actors(scene) for part, _ in body.parts
+    )
 
 
 def scenes_to_simulate(

@@ -1,22 +1,22 @@
-"""The cache can be listed and pruned; foreign files are never changed."""
+"""The cache can be listed and pruned; a folder without the marker is never changed."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache import pruning
-from recipe_runtime.cache.cache_folder import create_cache_folder
-from recipe_runtime.cache.leases import lease, oldest_lease_in
-from recipe_runtime.cache.pruning import auto_prune, bytes_of, entries, prune, sizes
-from recipe_runtime.cache.store import Store
+from recipe_runtime.cache.pruning import auto_prune, bytes_of, entries, lease, prune, sizes
+from recipe_runtime.cache.store import Store, create_cache_folder
+from recipe_runtime.render.device import setup
 
-from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
 
 def _filled(root: Path) -> Store:
@@ -26,14 +26,10 @@ def _filled(root: Path) -> Store:
         store.put("traces", key, b"x" * 1000)
         os.utime(store.path("traces", key), (100.0 + number, 100.0 + number))
     assert store.get("traces", "bb" * 32) is not None
-    module = root / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_render.shade_0123abc"
+    module = root / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_shade"
     module.mkdir(parents=True)
-    kernel = module / "wp_render.shade_0123abc.cpu27609690.o"
-    kernel.write_bytes(b"k" * 500)
-    for path in (kernel, module, module.parent.parent):
-        os.utime(path, (50.0, 50.0))
-    (root / "notes.txt").write_text("mine")
-    (root / "traces" / "README").write_text("mine")
+    (module / "wp_shade.o").write_bytes(b"k" * 500)
+    os.utime(root / "kernels" / "0.1.0-x86_64", (50.0, 50.0))
     return store
 
 
@@ -52,30 +48,66 @@ def test_the_least_recently_used_entry_is_removed_first(tmp_path: Path) -> None:
     assert [store.get("traces", k * 32) is not None for k in ("aa", "bb", "cc")] == [False, True, True]
 
 
-def test_pruning_to_zero_keeps_foreign_files(tmp_path: Path) -> None:
-    _filled(tmp_path)
-    prune([tmp_path], 0)
-    assert entries([tmp_path]) == []
-    assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == [
-        "CACHEDIR.TAG",
-        "README",
-        "dataset-recipe-cache",
-        "notes.txt",
-    ]
+def test_pruning_to_zero_removes_all_but_the_marker(tmp_path: Path) -> None:
+    """Also temporary files of killed processes, and not what a link leads to."""
+    store = _filled(tmp_path / "cache")
+    (store.path("traces", "aa" * 32).parent / ".aa.17.0.tmp").write_bytes(b"half")
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs" / "thesis.tex").write_bytes(b"theirs")
+    (tmp_path / "cache" / "traces" / "ab").symlink_to(tmp_path / "theirs")
+    (tmp_path / "cache" / "kernels" / "0.2.0-x86_64").symlink_to(tmp_path / "theirs")
+    (tmp_path / "cache" / "notes.txt").write_text("mine")
+    prune([tmp_path / "cache"], 0)
+    assert entries([tmp_path / "cache"]) == []
+    left = sorted(path.name for path in (tmp_path / "cache").rglob("*") if path.is_file())
+    assert left == ["CACHEDIR.TAG", "dataset-recipe-cache", "notes.txt"]
+    assert tree(tmp_path / "theirs") == {"thesis.tex": b"theirs"}
 
 
-def test_a_link_out_of_the_cache_is_not_followed(tmp_path: Path) -> None:
-    outside = tmp_path / "outside" / "aa"
-    outside.mkdir(parents=True)
-    (outside / ("a" * 64)).write_text("mine")
-    create_cache_folder(tmp_path / "cache")
-    (tmp_path / "cache" / "traces").symlink_to(tmp_path / "outside")
-    assert prune([tmp_path / "cache"], 0) == []
-    assert (outside / ("a" * 64)).read_text() == "mine"
+def _put(root: Path) -> None:
+    Store(root).put("traces", "ab" * 32, b"")
 
 
-def test_an_absent_cache_is_empty(tmp_path: Path) -> None:
-    assert entries([tmp_path / "gone"]) == []
+def _leased(root: Path) -> None:
+    with lease(root):
+        pass
+
+
+def _built(root: Path) -> None:
+    build(dataset_plan(frames=2, weathers=1), root.parent / "out" / "tiny", workers=0, engines=ENGINES)
+
+
+USES: dict[str, Callable[[Path], object]] = {
+    "create": create_cache_folder,
+    "list": lambda root: entries([root]),
+    "prune": lambda root: prune([root], 0),
+    "put": _put,
+    "lease": _leased,
+    "kernels": lambda root: setup._cache_folder(),
+    "build": _built,
+}
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("path", ["data/ab/" + "ab" * 32, "traces/ab/" + "ab" * 32, "README"])
+def test_a_folder_with_other_files_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str, use: str
+) -> None:
+    """Regression: a backup's `data/ab/...` was removed when RECIPE_CACHE named its folder."""
+    root = tmp_path / "backup"
+    monkeypatch.setenv("RECIPE_CACHE", str(root))
+    monkeypatch.delenv("RECIPE_KERNEL_CACHE", raising=False)
+    (root / path).parent.mkdir(parents=True)
+    (root / path).write_bytes(b"theirs")
+    with pytest.raises(InputError, match=r"^RECIPE_CACHE /.*/backup: it holds .*; set RECIPE_CACHE to an empty folder"):
+        USES[use](root)
+    assert auto_prune([root], 0) == []
+    assert tree(tmp_path) == {f"backup/{path}": b"theirs"}
+
+
+def test_an_absent_or_empty_folder_is_an_empty_cache(tmp_path: Path) -> None:
+    assert entries([tmp_path, tmp_path / "gone"]) == prune([tmp_path, tmp_path / "gone"], 0) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("text", "count"), [("0", 0), ("500M", 500 << 20), ("1.5 GiB", 3 << 29), ("2kB", 2048)])
@@ -103,22 +135,21 @@ def test_entries_that_a_running_build_has_read_are_not_pruned(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_a_lease_ends_with_its_process_and_the_oldest_applies(tmp_path: Path) -> None:
-    hold = "import sys; from pathlib import Path; from recipe_runtime.cache.leases import lease\n"
+def test_a_lease_ends_with_its_process_and_the_first_of_several_applies(tmp_path: Path) -> None:
+    store = _filled(tmp_path)
+    hold = "import sys; from pathlib import Path; from recipe_runtime.cache.pruning import lease\n"
     hold += f"with lease(Path({str(tmp_path)!r})): print(flush=True); sys.stdin.read()"
     other = subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert other.stdin is not None and other.stdout is not None
     other.stdout.readline()
-    (file,) = (tmp_path / "in-use").iterdir()
-    os.utime(file, (1000.0, 1000.0))
+    assert store.get("traces", "aa" * 32) is not None
     with lease(tmp_path):
-        assert oldest_lease_in(tmp_path) == 1000.0
+        assert len(prune([tmp_path], 0)) == 3
     other.kill()
     other.wait()
     other.stdin.close()
     other.stdout.close()
-    assert oldest_lease_in(tmp_path) == float("inf")
-    assert list((tmp_path / "in-use").iterdir()) == []
+    assert [entry.path.name for entry in prune([tmp_path], 0)] == ["aa" * 32]
 
 
 def test_an_entry_read_during_pruning_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,8 +13,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.errors import RunError
-from recipe_runtime.cache import cache_folder
-from recipe_runtime.cache.cache_folder import contents, create_cache_folder
 from recipe_runtime.render.device import compiled
 from recipe_runtime.render.device import launch as launch_module
 from recipe_runtime.render.device.arrays import zeros
@@ -64,11 +62,10 @@ def test_the_first_compilation_logs_that_it_takes_a_while(
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the folder of the kernel, compiled into the test's own cache."""
-    create_cache_folder(tmp_path)
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path / "kernels" / "0.1.0-x86_64" / wp.config.version))
     monkeypatch.setattr(compiled, "_warned", set())
     assert drawn() == [0, 1, 2, 3]
-    (folder,) = contents(tmp_path).modules
+    (folder,) = tmp_path.glob("kernels/*/*/wp_*")
     assert compiled.is_whole(folder)
     return folder
 
@@ -140,11 +137,11 @@ def test_many_damaged_kernels_give_one_warning(tmp_path: Path, caplog: pytest.Lo
 
 
 def test_a_damaged_kernel_that_cannot_be_removed_is_a_run_error(module: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def sealed(path: Path, root: Path) -> None:
+    def sealed(path: Path) -> None:
         raise OSError(30, "Read-only file system", str(path))
 
     _flip(module)
-    monkeypatch.setattr(cache_folder, "remove", sealed)
+    monkeypatch.setattr(compiled, "remove_tree", sealed)
     with pytest.raises(
         RunError, match="damaged and cannot be removed: Read-only file system; remove it, or set RECIPE_K"
     ):

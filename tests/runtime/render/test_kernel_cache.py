@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from recipe_runtime.cache import pruning
+from recipe_runtime.cache.store import create_cache_folder
 from recipe_runtime.render.device import setup
 
 
@@ -39,6 +40,7 @@ def test_a_folder_that_others_can_write_is_not_used_for_kernels(
     home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
 ) -> None:
     """Kernels are code: a file put there would run as this user."""
+    create_cache_folder(tmp_path / "shared")
     kernels = tmp_path / "shared" / "kernels"
     kernels.mkdir(parents=True)
     kernels.chmod(mode)

@@ -21,8 +21,7 @@ from typing import Any
 
 from recipe_compiler.ir.errors import RunError, printable
 
-from recipe_runtime.cache import cache_folder
-from recipe_runtime.core.files import file_sha256, write_atomic
+from recipe_runtime.core.files import file_sha256, remove_tree, write_atomic
 
 LOCK_SECONDS = 300.0  # limit of the wait for another process that compiles
 _POLL_SECONDS = 0.1
@@ -82,9 +81,7 @@ def _discard(folder: Path) -> None:
     if not folder.exists() and not folder.is_symlink():
         return
     try:
-        cache_folder.remove(folder, folder.parents[3])
-        if _kept(folder) or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-            raise OSError(None, "it is not a folder")
+        remove_tree(folder)
     except OSError as error:
         raise RunError(
             f"the compiled kernel {folder} is damaged and cannot be removed: {error.strerror}; remove it,"

@@ -20,8 +20,7 @@ from pathlib import Path
 import warp
 from recipe_compiler.ir.errors import InputError, RunError
 
-from recipe_runtime.cache.cache_folder import create_cache_folder
-from recipe_runtime.cache.store import kernel_cache, user_cache
+from recipe_runtime.cache.store import KERNELS, create_cache_folder, kernel_cache, user_cache
 
 wp = warp
 BLOCK_SIZE = 128  # threads per block on a GPU; in larger blocks too many wait for the slowest
@@ -41,7 +40,7 @@ def _cache_folder() -> str:
     homes: tuple[Callable[[], Path], ...] = (kernel_cache, user_cache, _aside, _fresh)
     for home in homes:
         try:
-            folder = home() / "kernels" / name
+            folder = home() / KERNELS / name
             folder.parent.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
             create_cache_folder(folder.parent.parent)
             for path in (folder.parent, folder):
