@@ -8,13 +8,11 @@ again; the bytes do not depend on the worker.
 from __future__ import annotations
 
 import logging
-import os
 import socket
 import tempfile
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -38,10 +36,6 @@ from recipe_runtime.frames.engines import real_engines
 QUEUED = 2  # shards assigned to a worker at once, so that it never waits for the next
 RETRIES = 3  # how often a shard is rendered again after its worker was lost
 TIMEOUT = 5.0  # seconds to wait for the cluster to answer, and for workers to end; Ray itself would wait for minutes
-# The client preface of HTTP/2 with empty settings (RFC 9113, section 3.4). gRPC, and so Ray, answers with its settings.
-_HTTP2_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
-_FRAME_HEADER_BYTES, _SETTINGS_FRAME = 9, 4
-_NO_RAY = "what listens there does not answer as Ray does"
 MAX_WAIT_FOR_NODES = 60  # seconds without any usable node after which the build fails
 _OTHER_RELEASE = "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
 
@@ -172,44 +166,24 @@ def _start(ray: ModuleType, address: str | None) -> None:
             ray.init(address=address, **quiet)
     except (ConnectionError, ValueError, RuntimeError, OSError, SystemExit) as error:
         if isinstance(error, SystemExit):  # Ray raises it when something else than Ray answers
-            error = ConnectionError(_NO_RAY)
+            error = ConnectionError("what listens there does not answer as Ray does")
         reason = (isinstance(error, OSError) and error.strerror) or _line(error)
         what = "Ray cannot be started here" if address is None else f"there is no Ray cluster to join at {address}"
         raise InputError(f"{what}: {reason}") from None
 
 
 def _check_address(address: str) -> None:
-    """Connect to HOST:PORT and check that an HTTP/2 server answers, as Ray does; other addresses are left to Ray.
-
-    A TCP connect alone does not suffice: Ray waits for minutes if a web server, or nothing, answers.
+    """Connect to HOST:PORT once, since Ray itself waits for minutes if nothing answers; other forms are left to Ray.
 
     Raises:
         ValueError: the port is not a number.
-        OSError: nothing answers within `TIMEOUT` seconds, or the answer is not HTTP/2.
+        OSError: nothing answers within `TIMEOUT` seconds.
     """
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and not port.isdigit():
         raise ValueError(f"{port!r} is not a port; write HOST:PORT")
     if colon:
-        unencrypted = os.environ.get("RAY_USE_TLS", "0").lower() in ("", "0", "false")
-        with socket.create_connection((host.strip("[]"), int(port)), timeout=TIMEOUT) as connection:
-            if unencrypted:  # otherwise only Ray has the keys
-                _check_http2(connection)
-
-
-def _check_http2(connection: socket.socket) -> None:
-    """Raise ConnectionError unless the server's first frame is an HTTP/2 settings frame."""
-    deadline, header = time.monotonic() + TIMEOUT, b""
-    with suppress(OSError):
-        connection.sendall(_HTTP2_PREFACE)
-        while len(header) < _FRAME_HEADER_BYTES and (left := deadline - time.monotonic()) > 0:
-            connection.settimeout(left)
-            piece = connection.recv(_FRAME_HEADER_BYTES - len(header))
-            if not piece:
-                break
-            header += piece
-    if len(header) < _FRAME_HEADER_BYTES or header[3] != _SETTINGS_FRAME or any(header[5:]):
-        raise ConnectionError(_NO_RAY)
+        socket.create_connection((host.strip("[]"), int(port)), timeout=TIMEOUT).close()
 
 
 def _run(
