@@ -5,17 +5,19 @@
         lockfiles/small.lock, small.traces    if they exist
         pack.json           format, the recipe's path, SHA-256 of every file
 
-The content determines the bytes: a pack is read entry by entry, and each header must equal the one that packing the
-content again writes. A pack can therefore contain no link, no duplicate name, no compression bomb and no data between
-its entries. Names and sizes are checked before contents are read.
+The content determines the bytes: a pack is read entry by entry, and must equal what packing the content again writes. A
+pack can therefore contain no link, no duplicate name, no compression bomb and no data between its entries. Names and
+sizes are checked before contents are read.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 import tempfile
+import zipfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -27,9 +29,8 @@ from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.ir.lockfile import is_lockfile
 
-from recipe_runtime.core.files import host_errors
+from recipe_runtime.core.files import host_errors, sha256_of
 from recipe_runtime.dataset.json_stream import loads
-from recipe_runtime.transfer import stored_zip
 
 SUFFIX = ".recipe"
 MAX_BYTES = 512 << 20
@@ -40,6 +41,11 @@ _LOCKFILES = "lockfiles"  # a folder
 _MAX_PATH = 200  # characters
 _MAX_INDEX = 4096 + MAX_FILES * (_MAX_PATH + 70)  # bytes: a row holds a path and a SHA-256
 _FORMAT = "recipe/pack/1"
+_UNIX = 3
+_REGULAR_FILE = 0o100644 << 16  # for everyone to read
+_HEADER_BYTES = 30  # of a ZIP entry, before its name
+_SIZE_AT = 22
+_NO_SPACE = "free some space, or set TMPDIR to another folder"
 _PART = re.compile(r"[A-Za-z0-9_+=,@ -][A-Za-z0-9._+=,@ -]*")
 _DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError)
 
@@ -58,12 +64,17 @@ class Pack:
             InputError: a name is not allowed in a pack, or the pack is too large.
         """
         _check(self.recipe, {path: len(body) for path, body in self.files.items()})
-        entries = [(_INDEX, self.index()), *sorted(self.files.items())]
-        rows = [stored_zip.row_of(path, body) for path, body in entries]
-        parts = (
-            part for row, (_, body) in zip(rows, entries, strict=True) for part in (stored_zip.local_header(row), body)
-        )
-        return b"".join([*parts, stored_zip.directory(rows)])
+        packed = io.BytesIO()
+        self.write(packed)
+        return packed.getvalue()
+
+    def write(self, file: BinaryIO) -> None:
+        """Write the bytes of the pack to a file."""
+        with zipfile.ZipFile(file, "w") as archive:
+            for path, body in [(_INDEX, self.index()), *sorted(self.files.items())]:
+                entry = zipfile.ZipInfo(path)
+                entry.create_system, entry.external_attr = _UNIX, _REGULAR_FILE
+                archive.writestr(entry, body)
 
     def index(self) -> bytes:
         """Return the bytes of `pack.json`."""
@@ -120,7 +131,7 @@ def unpacked(path: Path, find_used: Callable[[Path], UsedFiles | None] = lambda 
     pack = read(path)
     with tempfile.TemporaryDirectory(prefix="recipe-pack-") as folder:
         root = Path(folder)
-        with host_errors(folder, "free some space, or set TMPDIR to another folder"):
+        with host_errors(folder, _NO_SPACE):
             for name, body in pack.files.items():
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_bytes(body)
@@ -135,23 +146,38 @@ def unpacked(path: Path, find_used: Callable[[Path], UsedFiles | None] = lambda 
 
 
 def _load(file: BinaryIO) -> Pack:
-    """Read the entries in order; each must have the bytes of `Pack.dumps`. No content is in memory twice."""
+    """Read the entries in order, and compare the file with `Pack.write`. No content is in memory twice."""
     size = os.fstat(file.fileno()).st_size
     if size > MAX_BYTES:
         raise ValueError(f"it is larger than {MAX_BYTES >> 20} MiB")
-    row, body = stored_zip.read_entry(file, _INDEX, min(size, _MAX_INDEX))
-    index = loads(body, MAX_FILES + 10)
+    index = loads(_read_entry(file, _INDEX, min(size, _MAX_INDEX)), MAX_FILES + 10)
     if not isinstance(index, dict) or index.get("format") != _FORMAT:
         raise ValueError(f"its {_INDEX} is not of format {_FORMAT}")
     _check(index["recipe"], dict.fromkeys(index["files"], 0))  # names; the file's own size limits the sum
-    rows, files = [row], {}
-    for name in sorted(index["files"]):
-        row, files[name] = stored_zip.read_entry(file, name, size - file.tell())
-        rows.append(row)
-    pack, end = Pack(index["recipe"], files), stored_zip.directory(rows)
-    if file.read(len(end) + 1) != end or pack.index() != body:
-        raise ValueError("its bytes are not the canonical form of its content")
+    files = {name: _read_entry(file, name, size - file.tell()) for name in sorted(index["files"])}
+    pack = Pack(index["recipe"], files)
+    with host_errors("a temporary file", _NO_SPACE), tempfile.TemporaryFile() as again:
+        pack.write(again)
+        again.seek(0)
+        file.seek(0)
+        if sha256_of(again) != sha256_of(file):
+            raise ValueError("its bytes are not the canonical form of its content")
     return pack
+
+
+def _read_entry(file: BinaryIO, name: str, limit: int) -> bytes:
+    """Return the content of the next entry; its header and checksum are not checked.
+
+    Raises:
+        ValueError: the entry has another name, or more than `limit` bytes.
+    """
+    header = file.read(_HEADER_BYTES + len(name))
+    if header[_HEADER_BYTES:] != name.encode():
+        raise ValueError(f"{name!r} is missing, or not at its place")
+    size = int.from_bytes(header[_SIZE_AT : _SIZE_AT + 4], "little")
+    if size > limit:
+        raise ValueError(f"{name!r} has {size:,} bytes, and at most {limit:,} are read")
+    return file.read(size)
 
 
 def _check(recipe: str, sizes: Mapping[str, int]) -> None:
