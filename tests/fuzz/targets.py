@@ -36,8 +36,8 @@ from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.transfer import bundle
 from recipe_runtime.transfer.export_sequence import ExportSequence
 from recipe_runtime.verify import trace_bundle
-from recipe_runtime.verify.compare import compare_datasets, compare_locks
-from recipe_runtime.verify.diff import Side, differences
+from recipe_runtime.verify.compare import Side, compare_datasets, compare_locks
+from recipe_runtime.verify.diff import differences
 from recipe_runtime.verify.motion_comparison import contradicting_body, motion_difference
 from recipe_runtime.verify.verify import Options, verify_files
 from recipe_runtime.verify.version_comparison import version_notes

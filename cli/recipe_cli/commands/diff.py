@@ -13,7 +13,7 @@ from recipe_cli.lockfile_paths import lockfile_path
 from recipe_cli.suggestions import check_exists
 
 if TYPE_CHECKING:
-    from recipe_runtime.verify.diff import Side
+    from recipe_runtime.verify.compare import Side
 
 _MAX_SHOWN = 40
 
@@ -59,7 +59,7 @@ def _side(path: Path, allow_large: bool) -> Side:
     from recipe_compiler.ir import lockfile
     from recipe_runtime.dataset import reader
     from recipe_runtime.dataset.digests import bare
-    from recipe_runtime.verify.diff import Side
+    from recipe_runtime.verify.compare import Side
 
     if path.is_dir():
         held = reader.read(path)

@@ -1,19 +1,23 @@
-"""Compares a recipe's files, plans and frames with a lockfile, digest by digest."""
+"""Compares what two recipes, lockfiles or datasets record: files, plans, motion and frames, digest by digest.
+
+`recipe diff` compares any two sides; `recipe verify` and `recipe build` compare a recipe's plan with a lockfile.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan
-from recipe_compiler.ir.plurals import count
+from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.versions import STAGES
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset
+from recipe_runtime.verify.documents import plan_fields
 from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.verdict import ORDER, Difference
 from recipe_runtime.verify.version_comparison import tool_faults
@@ -28,19 +32,138 @@ def stage_of(modality: str) -> str:
     return _STAGE_OF.get(modality, "observation")
 
 
+@dataclass(frozen=True)
+class Side:
+    """One of the two compared items.
+
+    Attributes:
+        name: the name in messages.
+        lock: the digests; without motion and pixels for a plan, or for a recipe without a lockfile.
+        plan: the plan, if there is one.
+        listed: SHA-256 by path, of the files that a dataset's manifest lists.
+        plan_digests: digests of plans by variant, that a dataset's manifest lists.
+        note: a remark on this side for the user.
+        finished: whether it is a lockfile or a dataset, in which missing rows of motion and pixels are a difference.
+    """
+
+    name: str
+    lock: Lockfile
+    plan: DatasetPlan | None = None
+    listed: Mapping[str, str] | None = None
+    plan_digests: Mapping[str, str] = field(default_factory=dict)
+    note: str | None = None
+    finished: bool = False
+
+    @property
+    def locked(self) -> bool:
+        """Whether it has digests of motion and pixels."""
+        return self.finished or bool(self.lock.frames or self.lock.traces)
+
+
+def new_files(files: Mapping[str, str], others: Mapping[str, str]) -> list[str]:
+    """Return the files whose content does not occur among the others, under any name."""
+    known = set(others.values())
+    return [path for path, value in sorted(files.items()) if value not in known]
+
+
+def file_differences(a: Side, b: Side, changed: str = "differs") -> Iterator[Difference]:
+    """Yield the recipe's files that differ; none if the plans are equal or one side lists no files.
+
+    Args:
+        a: the first side.
+        b: the second side.
+        changed: what a message says of a file that both sides have.
+    """
+    if not a.lock.files or not b.lock.files or a.lock.plan == b.lock.plan:
+        return
+    first, second = ({*new_files(x.lock.files, y.lock.files)} for x, y in ((a, b), (b, a)))
+    for path in sorted(first & second):
+        yield Difference("recipe", f"{path} {changed}")
+    only_first, only_second = sorted(first - second), sorted(second - first)
+    if len(only_first) == len(only_second) == 1:  # the recipe itself, under two names
+        yield Difference("recipe", f"{only_first[0]} and {only_second[0]} differ")
+        return
+    for side, paths in ((a, only_first), (b, only_second)):
+        yield from (Difference("recipe", f"{path} is in {side.name} only") for path in paths)
+
+
+def plan_differences(a: Side, b: Side, excuse: str | None = None) -> Iterator[Difference]:
+    """Yield differences of the variants: field by field if both plans are known, else by the digests of their parts.
+
+    Two plans of one variant each are compared although its names differ.
+    """
+    ours, theirs = a.lock.variants, b.lock.variants
+    pairs = [(name, name) for name in ours if name in theirs]
+    if a.plan and b.plan and len(ours) == len(theirs) == 1 and not pairs:
+        pairs = list(zip(ours, theirs, strict=True))
+        yield Difference("plan", f"{a.name} is variant {pairs[0][0]}, and {b.name} is variant {pairs[0][1]}")
+    else:
+        for side, other in ((a, theirs), (b, ours)):
+            only = [name for name in side.lock.variants if name not in other]
+            yield from (Difference("plan", f"variant {name} is in {side.name} only", excuse, name) for name in only)
+    if a.plan and b.plan:
+        plans = [{v.variant: v for v in plan.variants} for plan in (a.plan, b.plan)]
+        for message, names in plan_fields([(one, plans[0][one], plans[1][two]) for one, two in pairs]).items():
+            yield Difference("plan", f"{names[0] if len(names) == 1 else some(names, 'variant')}: {message}")
+    else:
+        for name, _ in pairs:
+            parts = [p for p in ("scene", "rig", "appearance") if getattr(ours[name], p) != getattr(theirs[name], p)]
+            if parts:
+                yield Difference("plan", f"{name}: different {' and '.join(parts)} plan", excuse, name)
+    if [name for name in ours if name in theirs] != [name for name in theirs if name in ours]:
+        yield Difference("plan", "the variants are in another order", excuse)
+    if a.plan and b.plan:
+        for what, first, second in (
+            ("output.annotations", ", ".join(a.plan.annotations), ", ".join(b.plan.annotations)),
+            ("output.depth", a.plan.depth, b.plan.depth),
+        ):
+            if first != second:
+                yield Difference("plan", f"{what}: {first or 'none'} in {a.name}, {second or 'none'} in {b.name}")
+
+
+def trace_differences(a: Lockfile, b: Lockfile, excuse: str | None = None) -> Iterator[Difference]:
+    """Yield scenes with equal plans and different motion, with the first body that differs, and its frames."""
+    found: dict[str, list[tuple[int, str, int]]] = {}  # by scene
+    for (scene, actor), motion in a.bodies.items():
+        other = b.bodies.get((scene, actor))
+        at = digests.first_divergence(motion, other) if other else None
+        if at:
+            found.setdefault(scene, []).append((at[0], actor, at[1]))
+    for scene, value in a.traces.items():
+        if b.traces.get(scene, value) == value:
+            continue
+        message = f"scene {scene[:16]} has different motion"
+        if scene in found:
+            first, actor, last = min(found[scene])
+            bodies = f"{count(len(found[scene]), 'body', 'bodies')} {form(len(found[scene]), 'differs', 'differ')}"
+            message = f"body {actor} diverges {digests.divergence_text(first, last)}; {bodies}"
+        yield Difference("trace", message, excuse)
+
+
+def frame_differences(a: Lockfile, b: Lockfile, excuse: Callable[[str], str | None]) -> Iterator[Difference]:
+    """Yield the frames that both have, with other digests; `excuse` returns a reason for differences at a stage."""
+    names = {row.frame_key(m): name for name, row in reversed(b.variants.items()) for m in ("rgb", "labels")}
+    for row, value in b.frames.items():
+        if a.frames.get(row, value) != value:
+            key, sensor, modality, frame = row
+            stage, name = stage_of(modality), names.get(key, key)
+            message = f"{name}, {sensor}, frame {frame}: {modality} differs"
+            yield Difference(stage, message, excuse(stage), name, sensor, frame, modality)
+
+
+def some(names: Sequence[str], what: str) -> str:
+    """Return a name in words, or the number of several and the first."""
+    return f"{what} {names[0]}" if len(names) == 1 else f"{count(len(names), what)} (first: {names[0]})"
+
+
 def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> list[Difference]:
     """Compare the bytes of the recipe's files, if the plan differs from the locked one.
 
     Comments and file names are not part of the identity. If only the text changed, `text_note` reports it.
     """
-    if plan.digest == lock.plan:
-        return []
-    found = []
-    for path in sorted({*lock.files, *files}):
-        if lock.files.get(path) != files.get(path):
-            how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
-            found.append(Difference("recipe", f"{path} {how} since it was locked; lock the recipe again to accept it"))
-    return found
+    recipe = Side("the recipe", digests.bare(plan, "", files))
+    changed = "has changed since it was locked; lock the recipe again to accept it"
+    return list(file_differences(Side("the lockfile", lock), recipe, changed))
 
 
 def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None:
@@ -70,21 +193,11 @@ def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None
 
 def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
     """Compare the digests of every variant's three plans."""
-    found, excuse = [], excuse_for("plan", lock)
-    ours = digests.bare(plan, lock.source, {}).variants
-    for name in [*lock.variants, *(name for name in ours if name not in lock.variants)]:
-        if name not in ours or name not in lock.variants:
-            where = "the recipe" if name not in ours else "the lockfile"
-            found.append(Difference("plan", f"{where} has no variant {name}", excuse, name))
-            continue
-        a, b = lock.variants[name], ours[name]
-        parts = [part for part in ("scene", "rig", "appearance") if getattr(a, part) != getattr(b, part)]
-        if parts:
-            found.append(Difference("plan", f"{name}: different {' and '.join(parts)} plan", excuse, name))
-    if not found and (plan.digest != lock.plan or list(ours) != list(lock.variants)):  # the identity covers the order
-        found.append(
-            Difference("plan", "the variants are equal, but their order or the requested outputs differ", excuse=excuse)
-        )
+    excuse = excuse_for("plan", lock)
+    recipe = Side("the recipe", digests.bare(plan, lock.source, {}))
+    found = list(plan_differences(Side("the lockfile", lock), recipe, excuse))
+    if not found and plan.digest != lock.plan:
+        found.append(Difference("plan", "the variants are equal, but the requested outputs differ", excuse))
     return found
 
 
@@ -117,12 +230,7 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile, *, from_manifest: bool = Fal
         lock: the lockfile.
         from_manifest: whether the rows were read from a dataset's manifest, which has none of bodies.
     """
-    found = []
-    if not lock.sealed:
-        found.append("it was damaged or edited: its digests do not add up")
-    if lock.recipe != plan.recipe:
-        found.append(f"it is of the recipe {lock.recipe!r}, and this is {plan.recipe!r}")
-    found += tool_faults(lock)
+    found = _faults(plan, lock)
     agreed = {name: row for name, row in digests.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
     if len(agreed) == len(plan.variants) == len(lock.variants):
         kinds = (
@@ -134,6 +242,13 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile, *, from_manifest: bool = Fal
         for kind, ours, theirs in kinds:
             found += _uneven(kind, sorted(map(str, ours - theirs)), sorted(map(str, theirs - ours)))
     return [Difference("lockfile", message) for message in found]
+
+
+def _faults(plan: DatasetPlan, lock: Lockfile) -> list[str]:
+    """Return messages on a broken seal, another recipe's name, and rows of tools that no release writes."""
+    damage = [] if lock.sealed else ["it was damaged or edited: its digests do not add up"]
+    named = [] if lock.recipe == plan.recipe else [f"it is of the recipe {lock.recipe!r}, and this is {plan.recipe!r}"]
+    return [*damage, *named, *tool_faults(lock)]
 
 
 def _body_keys(plan: DatasetPlan) -> set[tuple[str, str]]:
@@ -165,28 +280,14 @@ def compare_locks(
 
 def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
     """Compare the digests `held` of a dataset called `name` with a recipe's plan and its lockfile."""
-    found = compare_plans(plan, held) + _digests(lock, held)
-    if not held.sealed:
-        found.append(Difference("lockfile", "it was damaged or edited: its digests do not add up to its identity"))
-    if held.recipe != plan.recipe:
-        found.append(Difference("lockfile", f"it is of the recipe {held.recipe!r}, and this is {plan.recipe!r}"))
     missing, surplus = sorted(STAGES.keys() - held.stages.keys()), sorted(held.stages.keys() - STAGES.keys())
-    messages = [*tool_faults(held), *_uneven("stage", missing, surplus)]
+    messages = [*_faults(plan, held), *_uneven("stage", missing, surplus)]
+    found = compare_plans(plan, held) + _digests(lock, held, excuse_of)
     found += [Difference("lockfile", message) for message in messages]
     return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
 
 
-def _digests(lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
+def _digests(lock: Lockfile, made: Lockfile, excuse_for: Excuse) -> list[Difference]:
     """Compare the motion and the frames that both contain."""
-    found = []
-    for scene, trace in made.traces.items():
-        if scene in lock.traces and lock.traces[scene] != trace:
-            found.append(Difference("trace", f"scene {scene[:16]} has different motion", excuse_for("trace", lock)))
-    names = {v.frame_key(m): n for n, v in reversed(made.variants.items()) for m in ("rgb", "labels")}
-    for row, value in made.frames.items():
-        if row in lock.frames and lock.frames[row] != value:
-            key, sensor, modality, frame = row
-            stage, name = stage_of(modality), names[key]
-            message = f"{name}, {sensor}, frame {frame}: {modality} differs"
-            found.append(Difference(stage, message, excuse_for(stage, lock), name, sensor, frame, modality))
-    return found
+    found = trace_differences(lock, made, excuse_for("trace", lock))
+    return [*found, *frame_differences(lock, made, lambda stage: excuse_for(stage, lock))]

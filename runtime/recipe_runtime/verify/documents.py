@@ -1,11 +1,51 @@
-"""The fields in which two JSON documents differ."""
+"""The fields in which two plans or other JSON documents differ."""
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
+from recipe_compiler.ir.plan import AppearancePlan, Looks, RigPlan, ScenarioPlan, ScenePlan
 from recipe_compiler.ir.plurals import count
+
+MAX_FIELDS = 12  # limit of reported fields per part of a plan; the rest is counted
+
+
+def plan_fields(pairs: Iterable[tuple[str, ScenarioPlan, ScenarioPlan]]) -> dict[str, list[str]]:
+    """Return the fields in which pairs of plans differ, in words, each with the names of the pairs that differ in it.
+
+    Parts that several pairs share, such as the colours of a whole town, are compared once.
+    """
+    known: dict[tuple[str, str, str], list[str]] = {}
+    found: dict[str, list[str]] = {}
+    for name, a, b in pairs:
+        for (path, ours), (_, theirs) in zip(_parts(a), _parts(b), strict=True):
+            key = path, ours.digest, theirs.digest
+            if ours.digest != theirs.digest and key not in known:
+                excluded = {"looks"} if path == "appearance" else None
+                documents = [part.model_dump(mode="json", exclude=excluded) for part in (ours, theirs)]
+                known[key] = _first(walk(documents[0], documents[1], path), path)
+            for message in known.get(key, ()):
+                found.setdefault(message, []).append(name)
+    return found
+
+
+def _parts(plan: ScenarioPlan) -> list[tuple[str, ScenePlan | RigPlan | AppearancePlan | Looks]]:
+    appearance = plan.appearance
+    return [
+        ("scene", plan.scene),
+        ("rig", plan.rig),
+        ("appearance", appearance),
+        ("appearance.looks", appearance.looks),
+    ]
+
+
+def _first(messages: Iterator[str], part: str) -> list[str]:
+    """Return the first messages, at most MAX_FIELDS, and one on the number of the rest."""
+    first = list(itertools.islice(messages, MAX_FIELDS))
+    rest = sum(1 for _ in messages)
+    return [*first, f"and {count(rest, 'more field', 'more fields')} of the {part} plan"] if rest else first
 
 
 def walk(ours: object, theirs: object, path: str) -> Iterator[str]:

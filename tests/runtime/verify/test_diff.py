@@ -12,7 +12,8 @@ import pytest
 from recipe_compiler.ir.lockfile import BodyMotion, Lockfile, read
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.dataset.digests import bare
-from recipe_runtime.verify.diff import Side, differences, left_out
+from recipe_runtime.verify.compare import Side
+from recipe_runtime.verify.diff import differences, left_out
 from recipe_runtime.verify.documents import walk
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Difference
@@ -72,7 +73,7 @@ def test_another_order_of_named_items_is_a_difference(ours: Side) -> None:
 
 def test_plans_of_different_digests_always_differ(ours: Side, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ours.plan is not None
-    monkeypatch.setattr("recipe_runtime.verify.diff.walk", lambda *_: iter(()))
+    monkeypatch.setattr("recipe_runtime.verify.documents.walk", lambda *_: iter(()))
     document = ours.plan.model_dump(mode="json")
     document["variants"][0]["scene"]["actors"][0]["speed"] += 1.0
     plan = DatasetPlan.model_validate_json(json.dumps(document))
@@ -91,14 +92,13 @@ def test_what_variants_share_is_compared_once(ours: Side, monkeypatch: pytest.Mo
     plan = DatasetPlan.model_validate_json(json.dumps(document))
     compared: list[str] = []
 
-    def recorded(one: dict[str, object], other: dict[str, object], path: str) -> Iterator[str]:
-        compared.append(path)
-        assert path == "appearance.looks" or "looks" not in one
-        return walk(one, other, path)
+    def recorded(messages: Iterator[str], part: str) -> list[str]:
+        compared.append(part)
+        return list(messages)
 
-    monkeypatch.setattr("recipe_runtime.verify.diff.walk", recorded)
+    monkeypatch.setattr("recipe_runtime.verify.documents._first", recorded)
     found = differences(ours, Side("theirs", bare(plan, "", {}), plan))
-    assert sorted(compared) == [*["appearance"] * 4, "appearance.looks", "scene"]
+    assert sorted(compared) == [*["appearance"] * 2, "appearance.looks", "scene"]
     assert [each.message.partition("): ")[2].partition(":")[0] for each in found] == [
         f"scene.actors[{ours.plan.variants[0].scene.actors[0].name}].speed",
         "appearance.seed",
@@ -203,11 +203,9 @@ def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) 
     plan = DatasetPlan(
         recipe=ours.plan.recipe, description="", variants=ours.plan.variants[:2], annotations=(), depth="npy"
     )
-    first, *rest = (v.variant for v in ours.plan.variants[2:])
     asked = ", ".join(ours.plan.annotations)
-    assert rest
     assert [str(f) for f in differences(ours, Side("theirs", bare(plan, "", {}), plan))] == [
-        f"plan: 2 variants (first: {first}) are in ours only",
+        *(f"plan: variant {variant.variant} is in ours only" for variant in ours.plan.variants[2:]),
         f"plan: output.annotations: {asked} in ours, none in theirs",
         "plan: output.depth: carla in ours, npy in theirs",
     ]

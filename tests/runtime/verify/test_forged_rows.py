@@ -21,7 +21,7 @@ from recipe_runtime.core.versions import STAGES, host_versions
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.verify import sampling
-from recipe_runtime.verify.diff import Side
+from recipe_runtime.verify.compare import Side
 from recipe_runtime.verify.diff import differences as compared
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.motion_comparison import matching_traces

@@ -172,7 +172,7 @@ def test_a_renamed_recipe_is_noted_with_its_locked_name(locked: Lockfile) -> Non
 def test_another_plan_is_reported_by_its_part(locked: Lockfile) -> None:
     report = check(locked, fakes.dataset_plan(frames=6, weathers=1))
     assert (report.verdict, report.stage) == ("FAIL", "plan")
-    assert "the recipe has no variant weather=w1,jitter=still" in report.differences[0].message
+    assert "variant weather=w1,jitter=still is in the lockfile only" in report.differences[0].message
     name, row = next(iter(locked.variants.items()))
     other = {**locked.variants, name: replace(row, rig="0" * 64)}
     assert f"{name}: different rig plan" in str(check(replace(locked, variants=other)).differences[0])
