@@ -7,7 +7,7 @@ for it.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Literal, TypedDict, cast
+from typing import Literal
 
 from recipe_compiler.ir.plurals import count, form
 
@@ -39,39 +39,6 @@ class Difference:
 
     def __str__(self) -> str:
         return f"{self.stage}: {self.message}" + (f" ({self.excuse})" if self.excuse else "")
-
-
-class DifferenceRecord(TypedDict):
-    """A difference in `recipe verify --json`: the fields of `Difference`."""
-
-    stage: str
-    message: str
-    excuse: str | None
-    variant: str | None
-    sensor: str | None
-    frame: int | None
-    modality: str | None
-    path: str | None
-    recorded: str | None
-    rendered: str | None
-
-
-class ReportRecord(TypedDict):
-    """A report in `recipe verify --json`."""
-
-    name: str
-    identity: str
-    verdict: Verdict
-    stage: str | None
-    nonce: int
-    checked: int
-    total: int
-    confidence: float
-    differing_below: float | None
-    differences: list[DifferenceRecord]
-    pictures: list[str]
-    notes: list[str]
-    resumed_frames: int
 
 
 @dataclass
@@ -119,8 +86,8 @@ class Report:
             which += f", but {count(files, 'file')} of the dataset {form(files, 'does', 'do')}" if files else ""
         return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {which}{resumed}"
 
-    def document(self) -> ReportRecord:
-        """The report as plain JSON values."""
+    def document(self) -> dict[str, object]:
+        """The report in `recipe verify --json`."""
         below = round(self.bound.differing, 6) if self.verdict == "PASS" and self.files is None else None
         return {
             "name": self.name,
@@ -132,7 +99,7 @@ class Report:
             "total": self.bound.total,
             "confidence": self.bound.confidence,
             "differing_below": below,
-            "differences": [cast(DifferenceRecord, asdict(difference)) for difference in self.differences],
+            "differences": [asdict(difference) for difference in self.differences],
             "pictures": self.pictures,
             "notes": self.notes,
             "resumed_frames": self.resumed,
