@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
 
@@ -26,7 +27,8 @@ from recipe_runtime.verify.verdict import Difference
 
 _LONGER = 4  # how much longer than expected a JSON file may be to be read
 
-Picture: TypeAlias = "tuple[str, str, int, str] | tuple[()]"  # variant, sensor, frame, modality; () for other files
+Place: TypeAlias = tuple[str, str, int, str | None]
+"""Variant, sensor, frame and modality of a file; the modality is None for copies of labels and for truth of patches."""
 
 
 @dataclass(frozen=True)
@@ -64,21 +66,19 @@ class FileComparison:
         with suppress(OSError, ValueError):  # it is larger
             if made.read_bytes() == read_inside(self.dataset.root, path, size):
                 return None
-        at = self._picture(path)
-        if path.endswith(".json") and not self._is_excused(path, at):
-            return Difference("file", f"{path}: {self._unequal_fields(path)}", path=path)
-        if self._is_excused(path, at):
+        at = self._places[path]
+        other = self.other.get(self.plan.named(at[0]).scene.digest)
+        if other is not None and at[2] >= other.agreed:
             return self._unlisted_pixels(path, at)
+        if path.endswith(".json"):
+            return Difference("file", f"{path}: {self._unequal_fields(path)}", None, *at, path=path)
         unequal = first_difference(there, made)
-        if unequal is not None and not unequal.count:
+        if unequal is None:
+            return Difference("file", f"{path} is a different picture, or not a picture", None, *at, path)
+        if not unequal.count:
             message = f"{path}: equal pixels, different encoding"
-            found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
-        elif unequal is None:
-            found = Difference("file", f"{path} is a different picture, or not a picture", None, *at)
-        else:
-            found = Difference("file", f"{path}: {unequal}", None, *at)
-            found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)
-        return replace(found, path=path)
+            return Difference("encoding", message, excuse_of("encoding", self.lock), *at, path)
+        return Difference("file", f"{path}: {unequal}", None, *at, path, unequal.recorded, unequal.rendered)
 
     def _unequal_fields(self, path: str) -> str:
         """Return the first field in which the dataset's JSON file differs from the one written here, in words."""
@@ -95,48 +95,31 @@ class FileComparison:
         first = "the whole document" if fields[0].startswith(":") else fields[0].lstrip(".")
         return f"as recorded and as rendered it differs in {first}{more}"
 
-    def _is_excused(self, path: str, at: Picture) -> bool:
-        """Return whether a file shows motion that may differ on this host."""
-        for variant in self.plan.variants:
-            other = self.other.get(variant.scene.digest)
-            if other is not None and at:
-                if variant.variant == at[0]:
-                    return at[2] >= other.agreed
-            elif other is not None:
-                frames = range(other.agreed, variant.scene.clock.frames)
-                sensors = variant.rig.sensors
-                copies = (layout.label_copies(self.plan, variant.variant, s, k) for s in sensors for k in frames)
-                if any(path in files.values() for files in copies):
-                    return True
-                patches = (layout.patches_file(variant.variant, s.name, k) for s in sensors for k in frames)
-                if path in patches:
-                    return True
-        return False
-
-    def _unlisted_pixels(self, path: str, at: Picture) -> Difference | None:
+    def _unlisted_pixels(self, path: str, at: Place) -> Difference | None:
         """Return a difference if a picture's pixels do not have the digest in the dataset's manifest.
 
         Depth in a PNG is rounded, and the digest is of the unrounded depth, so it is not compared.
         """
-        if not at or (at[3] == "depth" and not path.endswith(".npy")):
-            return None
         name, sensor, frame, modality = at
+        if modality is None or (modality == "depth" and not path.endswith(".npy")):
+            return None
         row = (digests.bare(self.plan, "", {}).variants[name].frame_key(modality), sensor, modality, frame)
         camera = next(s.camera for s in self.plan.named(name).rig.sensors if s.name == sensor)
         pixels = read_pixels(self.dataset.root / path, (camera.height, camera.width))
         if pixels is not None and pixel_digest(modality, pixels) == self.dataset.lock.frames.get(row):
             return None
-        return Difference(
-            "file", f"{path} does not hold the pixels whose digest the manifest has", None, *at, path=path
-        )
+        return Difference("file", f"{path} does not hold the pixels whose digest the manifest has", None, *at, path)
 
-    def _picture(self, path: str) -> Picture:
-        """Return variant, sensor, frame and modality of a picture's path; an empty tuple for other files."""
+    @cached_property
+    def _places(self) -> dict[str, Place]:
+        """The place of every file of a frame."""
+        found: dict[str, Place] = {}
         for variant in self.plan.variants:
             for sensor in variant.rig.sensors:
-                for modality in sensor.capture:
-                    head = layout.frame_file(variant.variant, sensor.name, modality, 0, self.plan.depth)
-                    folder, _, name = head.rpartition("/")
-                    if path.rpartition("/")[0] == folder and path.endswith(name.partition(".")[2]):
-                        return variant.variant, sensor.name, int(Path(path).stem), modality
-        return ()
+                name = variant.variant, sensor.name
+                for frame in sensor.frames(variant.scene.clock.frames):
+                    copies = layout.label_copies(self.plan, variant.variant, sensor, frame).values()
+                    found |= dict.fromkeys([*copies, layout.patches_file(*name, frame)], (*name, frame, None))
+                    for modality in sensor.capture:
+                        found[layout.frame_file(*name, modality, frame, self.plan.depth)] = (*name, frame, modality)
+        return found
