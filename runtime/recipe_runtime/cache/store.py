@@ -14,7 +14,6 @@ and each write is one atomic rename.
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import os
 from collections.abc import Callable, Iterable
@@ -25,7 +24,7 @@ from typing import BinaryIO
 
 import platformdirs
 from recipe_compiler.ir.canonical import digest
-from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.core.files import atomic_file, host_errors, open_no_follow, write_atomic
@@ -221,22 +220,6 @@ class Store:
         body = self.get("contacts", _trace_key(scene))
         contacts = None if body is None else tuple(ContactEvent(*row) for row in json.loads(body))
         return replace(trace, contacts=contacts)
-
-    def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
-        """Replace a scene's stored Trace if it differs from this newly simulated one.
-
-        Does nothing if none is stored or the folder cannot be written.
-        """
-        kept = self.kept_trace(scene)
-        if kept is not None and kept.contacts in (None, trace.contacts) and _equal_motion(kept, trace):
-            return
-        if self.path("traces", _trace_key(scene)).is_file():
-            with suppress(RunError):
-                self.keep_trace(scene, trace)
-
-
-def _equal_motion(one: Trace, other: Trace) -> bool:
-    return all(a == b for a, b in itertools.zip_longest(one.pieces(), other.pieces()))
 
 
 def header(kind: str, key: str, sha256: str) -> bytes:

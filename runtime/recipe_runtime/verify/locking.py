@@ -56,12 +56,11 @@ def lock(
 
 
 def fresh_traces(scenes: list[ScenePlan], engines: Engines, store: Store, progress: Progress) -> dict[str, Trace]:
-    """Simulate every scene again, into a store that workers read; an invalid entry of the user's cache is replaced."""
+    """Simulate every scene again, into a store that workers read."""
     traces = {}
     for number, scene in enumerate(scenes):
         progress("simulate", number, len(scenes))
         traces[scene.digest] = store.trace(scene, lambda scene=scene: engines.simulate(scene))  # type: ignore[misc]
-        Store().replace_bad_trace(scene, traces[scene.digest])
     progress("simulate", len(scenes), len(scenes))
     return traces
 

@@ -266,7 +266,6 @@ class _Check:
             other: OtherMotion | None = None
             try:
                 trace = store.keep_trace(scene, self.engines.simulate(scene))
-                Store().replace_bad_trace(scene, trace)
             except RunError as error:
                 if locked_trace is None:
                     raise

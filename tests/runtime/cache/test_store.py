@@ -4,23 +4,16 @@ import os
 import resource
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
-from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
-from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache.store import Store, create_cache_folder, default_cache, is_cache_folder
 from recipe_runtime.core.files import link_or_copy, write_atomic
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.frames.shot import shot
-from recipe_runtime.verify.locking import lock
-from recipe_runtime.verify.verify import Options, verify
 
-from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
+from tests.runtime.fakes import scene_plan, simulate
 
 KEY = "ab" * 32
 
@@ -102,72 +95,6 @@ def test_the_store_accepts_only_its_own_kinds(tmp_path: Path) -> None:
     """Pruning uses the list of kinds, so an entry of another kind would never be removed."""
     with pytest.raises(ValueError, match="no kind 'things'"):
         Store(tmp_path).put("things", KEY, b"")
-
-
-def _copied(store: Store, scene: ScenePlan) -> Path:
-    """Replace the entry of a scene by that of another."""
-    other = scene_plan(speed=2.0)
-    store.keep_trace(other, _shifted(other))
-    (theirs,) = (p for p in store.root.glob("traces/*/*") if p.is_file())
-    store.keep_trace(scene, simulate(scene))
-    (mine,) = (p for p in store.root.glob("traces/*/*") if p != theirs)
-    mine.write_bytes(theirs.read_bytes())
-    return mine
-
-
-def _shifted(scene: ScenePlan) -> Trace:
-    made = simulate(scene)
-    return replace(made, positions=made.positions + 7)
-
-
-def test_the_trace_of_another_scene_is_not_used(tmp_path: Path) -> None:
-    scene, store = scene_plan(), Store(tmp_path)
-    _copied(store, scene)
-    assert not store.has_trace(scene)
-    assert store.trace(scene, lambda: simulate(scene)).digest == simulate(scene).digest
-    assert store.has_trace(scene)
-
-
-def test_only_a_bad_trace_is_replaced(tmp_path: Path) -> None:
-    scene, store = scene_plan(), Store(tmp_path)
-    store.replace_bad_trace(scene, simulate(scene))
-    assert not store.has_trace(scene)  # absent, without a warning
-    store.keep_trace(scene, _shifted(scene))
-    store.replace_bad_trace(scene, simulate(scene))
-    assert store.trace(scene, lambda: _shifted(scene)).digest == simulate(scene).digest
-
-
-def _build(plan: DatasetPlan, folder: Path) -> None:
-    build(plan, folder / "made", workers=0, engines=ENGINES)
-
-
-def _lock(plan: DatasetPlan, folder: Path) -> None:
-    lock(plan, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
-
-
-def _verify(plan: DatasetPlan, folder: Path) -> None:
-    options, held = Options(nonce=1, count=1, workers=0), lockfile.read(folder / "tiny.lock")
-    assert verify(plan, held, options, lambda *_: None, engines=ENGINES).verdict == "PASS"
-
-
-def _shot(plan: DatasetPlan, folder: Path) -> None:
-    shot(plan.variants[0], frame=11, engines=ENGINES)  # the last frame: earlier ones need only a part of the Trace
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("work", [_build, _lock, _verify, _shot])
-def test_every_command_replaces_a_bad_trace(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, work: Callable[[DatasetPlan, Path], None]
-) -> None:
-    """Regression: `build` used another scene's motion from the cache and succeeded."""
-    plan = dataset_plan(frames=12, weathers=1)
-    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "empty"))
-    lock(plan, "t", {}, workers=0, progress=lambda *_: None, engines=ENGINES).write(tmp_path / "tiny.lock")
-    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
-    scene, store = plan.variants[0].scene, Store()
-    _copied(store, scene)
-    work(plan, tmp_path)
-    assert store.trace(scene, lambda: _shifted(scene)).digest == simulate(scene).digest
 
 
 @pytest.mark.parametrize("ours", [True, False])
