@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -123,7 +124,7 @@ def command(
             return _integrity(target, options)
         check_exists(target)
         with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
-            return _verify(place, options, allow_large, against)
+            return _verify(place, options, against)
 
     try:
         verdicts, problems, stopped = _each(targets or _all_lockfiles(), check, as_json)
@@ -246,19 +247,20 @@ def _integrity(target: Path | str, options: Options) -> Report:
         return verify_files(dataset, options, progress)
 
 
-def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
+def _verify(target: Path | str, options: Options, against: Path | str | None) -> Report:
     from recipe_compiler.ir import lockfile
     from recipe_runtime.cache.store import default_cache
     from recipe_runtime.dataset import reader
     from recipe_runtime.verify import trace_bundle
     from recipe_runtime.verify.verify import verify
 
+    allow_large, options = options.allow_large, replace(options, cache=default_cache())
     with Progress() as progress, ExitStack() as stack:
         if not isinstance(target, Path) or target.is_dir():
             folder = reader.read(stack.enter_context(dataset_at(target, progress)), shown(target))
             remedy = "pass --allow-large if that is meant, or hash the files alone (--integrity)"
             check_cost(folder.plan, shown(target), remedy, allow_large=allow_large)
-            return verify(folder.plan, folder.lock, options, progress, dataset=folder, cache=default_cache())
+            return verify(folder.plan, folder.lock, options, progress, dataset=folder)
         held = None
         if against is not None:
             held = reader.read(stack.enter_context(dataset_at(against, progress)), shown(against))
@@ -281,7 +283,6 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             dataset=held,
             traces=held_traces,
             engines=engines_for(compiled),
-            cache=default_cache(),
         )
 
 

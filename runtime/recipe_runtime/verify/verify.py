@@ -83,6 +83,7 @@ class Options:
     device: str = "cpu"
     pictures: Path | None = None  # a folder for pictures of frames that differ
     allow_large: bool = False  # also for the recipe in a dataset's folder
+    cache: Path | None = None  # where a run over `everything` keeps its journal, and finds that of a stopped run
 
 
 def verify(
@@ -95,7 +96,6 @@ def verify(
     dataset: Dataset | None = None,
     traces: Mapping[str, Trace] | None = None,
     engines: Engines | None = None,
-    cache: Path | None = None,
 ) -> Report:
     """Compare the frames that this host renders from a plan with a lockfile, and with a dataset's files.
 
@@ -106,7 +106,6 @@ def verify(
         dataset: the dataset whose files are compared.
         traces: the locked Traces by scene, for hosts whose own simulation need not agree.
         engines: simulation and renderer; None for the real ones.
-        cache: the folder in which a run over all frames keeps its journal, and finds that of a stopped run.
     """
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
@@ -120,7 +119,6 @@ def verify(
     pictures: list[str] = []
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
         check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, locked_traces)
-        check.cache = cache if options.everything else None
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
@@ -235,7 +233,6 @@ class _Check:
     locked_traces: Mapping[str, Trace]
     traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those with the locked digest
     other: dict[str, OtherMotion] = field(default_factory=dict)  # by scene, this host's, where it may differ
-    cache: Path | None = None  # where the journal is kept
     resumed: int = 0  # frames resumed from the journal of a stopped run
     notes: list[str] = field(default_factory=list)
     _journal: CacheJournal | None = None
@@ -323,11 +320,11 @@ class _Check:
 
     def _resumption(self, job: Job) -> Resumption | None:
         """Return the journal of a run with the same plan, motion, code, host and device."""
-        if self.cache is None:
+        if self.options.cache is None or not self.options.everything:
             return None
         traces = {scene: trace.digest for scene, trace in self.simulated().items()}
         parts = [self.plan.digest, builder_identity(), traces, host.host_identity(), list(job.devices)]
-        self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
+        self._journal = CacheJournal(self.options.cache, canonical.digest("journal/verify/1", parts), self.plan)
         return Resumption(self._journal, self._equals_dataset)
 
     def _equals_dataset(self, records: list[FrameRecord]) -> bool:
@@ -345,7 +342,9 @@ class _Check:
     def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
         """Return the first difference of a frame from the lockfile, by modality; later ones follow from it."""
         name, sensor, frame = choice
-        for modality in self._modalities(choice, DIGEST_KINDS):
+        rig = next(v.rig for v in self.plan.variants if v.variant == name)
+        capture = next(s.capture for s in rig.sensors if s.name == sensor)
+        for modality in (m for m in DIGEST_KINDS if m == "labels" or m in capture):
             row = (key.frame_key(modality), sensor, modality, frame)
             if self.lock.frames.get(row) != rows[row]:
                 stage, other = stage_of(modality), self.other.get(key.scene)
@@ -361,11 +360,6 @@ class _Check:
                     rendered=rows[row],
                 )
         return None
-
-    def _modalities(self, choice: Choice, order: Iterable[str]) -> list[str]:
-        rig = next(v.rig for v in self.plan.variants if v.variant == choice[0])
-        capture = next(s.capture for s in rig.sensors if s.name == choice[1])
-        return [m for m in order if m == "labels" or m in capture]
 
     def draw(self, differences: list[Difference], out: Path) -> list[str]:
         """Write pictures of the first frames that differ, and return their paths."""

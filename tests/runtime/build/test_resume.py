@@ -200,8 +200,8 @@ from pathlib import Path
 from recipe_compiler.ir.lockfile import read
 from recipe_runtime.verify.verify import Options, verify
 from tests.runtime.fakes import SLOW, dataset_plan
-verify(dataset_plan(frames=8), read(Path({lock!r})), Options(1, everything=True), lambda *_: None, engines=SLOW,
-       cache=Path({cache!r}))
+options = Options(1, everything=True, cache=Path({cache!r}))
+verify(dataset_plan(frames=8), read(Path({lock!r})), options, lambda *_: None, engines=SLOW)
 """
 
 
@@ -227,8 +227,8 @@ def test_a_killed_lock_is_resumed(fresh: Lockfile, tmp_path: Path) -> None:
 
 
 def check(lockfile: Lockfile, cache: Path, engines: Engines = ENGINES, **more: Any) -> Report:
-    options = Options(nonce=1, everything=more.pop("everything", True), workers=0)
-    return verify.verify(PLAN, lockfile, options, quiet, engines=engines, cache=cache, **more)
+    options = Options(nonce=1, everything=more.pop("everything", True), workers=0, cache=cache)
+    return verify.verify(PLAN, lockfile, options, quiet, engines=engines, **more)
 
 
 @pytest.mark.slow
