@@ -38,7 +38,7 @@ from recipe_runtime.transfer.export_sequence import ExportSequence
 from recipe_runtime.verify import trace_bundle
 from recipe_runtime.verify.compare import Side, compare_datasets, compare_locks
 from recipe_runtime.verify.diff import differences
-from recipe_runtime.verify.motion_comparison import contradicting_body, motion_difference
+from recipe_runtime.verify.motion_comparison import body_differences, motion_difference
 from recipe_runtime.verify.verify import Options, verify_files
 from recipe_runtime.verify.version_comparison import version_notes
 
@@ -203,7 +203,7 @@ def _verified(content: bytes) -> None:
         compare_locks(plan, lock, _locked())
         assert all(note.isprintable() for note in version_notes(lock))
         scene = plan.variants[0].scene
-        contradicting_body(lock, scene, simulate(scene))
+        body_differences(plan, lock, simulate)
         motion_difference(lock, scene, simulate(scene))
         differences(Side("fed", lock, None), Side("honest", _locked(), None))
 

@@ -74,15 +74,6 @@ def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionD
     return MotionDifference(f"body {actor} diverges {where}; {bodies}", agreed, recorded=True)
 
 
-def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | None:
-    """Return the first body whose row, with its checkpoints, contradicts the locked Trace, or None."""
-    rows = {actor: lock.bodies.get((scene.digest, actor)) for actor in trace.actors}
-    if not any(rows.values()):
-        return None  # a manifest has no rows of bodies
-    ours = digests.body_motions(trace)
-    return next((actor for actor, row in rows.items() if row is not None and row != ours[actor]), None)
-
-
 def body_differences(
     plan: DatasetPlan, lock: Lockfile, trace_of: Callable[[ScenePlan], Trace | None]
 ) -> list[Difference]:
@@ -96,11 +87,12 @@ def body_differences(
     found = []
     for digest, scene in {v.scene.digest: v.scene for v in plan.variants}.items() if lock.bodies else ():
         trace = trace_of(scene)
-        body = None
-        if trace is not None and trace.digest == lock.traces.get(digest):
-            body = contradicting_body(lock, scene, trace)
-        if body is not None:
-            found.append(Difference("trace", f"body {body}: its row contradicts the trace's"))
+        if trace is None or trace.digest != lock.traces.get(digest):
+            continue
+        for actor, motion in digests.body_motions(trace).items():
+            if lock.bodies.get((digest, actor), motion) != motion:
+                found.append(Difference("trace", f"body {actor}: its row contradicts the trace's"))
+                break
     return found
 
 

@@ -53,7 +53,7 @@ from recipe_runtime.verify.locking import render_rows
 from recipe_runtime.verify.motion_comparison import (
     MotionDifference,
     OtherMotion,
-    contradicting_body,
+    body_differences,
     matching_traces,
     motion_difference,
     scenes_to_simulate,
@@ -272,9 +272,6 @@ class _Check:
                 if self.lock.traces.get(digest) == trace.digest:
                     self.traces[digest] = trace
                     comparable.add(digest)
-                    body = contradicting_body(self.lock, scene, trace)
-                    if body is not None:
-                        found.append(Difference("trace", f"body {body}: its row contradicts the trace's"))
                     continue
                 difference = motion_difference(self.lock, scene, trace)
                 message, reason = difference.message, "" if difference.contradiction else reason
@@ -289,7 +286,7 @@ class _Check:
                 message += "; frames are compared with those of this host's motion"
             found.append(Difference("trace", message, reason or None))
         self.progress("simulate", len(scenes), len(scenes))
-        return comparable, found
+        return comparable, found + body_differences(self.plan, self.lock, lambda scene: self.traces.get(scene.digest))
 
     def _other_motion(self, scene: ScenePlan, made: Trace, reason: str, difference: MotionDifference) -> OtherMotion:
         """Return this host's motion of a scene, with what it may excuse."""
