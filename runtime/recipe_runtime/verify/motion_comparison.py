@@ -30,9 +30,11 @@ class OtherMotion:
     """Motion of this host that differs from the locked motion. Frames are rendered from it and compared."""
 
     trace: Trace
-    reason: str  # why this host's motion may differ
-    agreed: int = 0  # number of frames at the start with equal motion, according to the locked bodies
+    message: str  # the first body that differs, and the frames
+    agreed: int = 0  # number of frames at the start with equal motion, according to the locked bodies; 0 if unknown
     recorded: bool = False  # whether the locked motion of some body is recorded, and differs from this host's
+    contradiction: bool = False  # according to the lockfile's rows, no body differs
+    reason: str = ""  # why this host's motion may differ
 
     def excuses(self, modality: str, frame: int) -> bool:
         """Return whether a frame may differ whose first difference is in a given modality.
@@ -44,34 +46,24 @@ class OtherMotion:
         return frame >= self.agreed and (modality != "rgb" or self.recorded)
 
 
-@dataclass(frozen=True)
-class MotionDifference:
-    """The difference of the locked motion from this host's."""
-
-    message: str  # the first body that differs, and the frames
-    agreed: int = 0  # number of frames before that; 0 if unknown
-    contradiction: bool = False  # according to the lockfile's rows, no body differs
-    recorded: bool = False  # the lockfile has a row of a body that differs
-
-
-def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionDifference:
+def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> OtherMotion:
     """Compare the locked motion of a scene with a Trace that has another digest."""
     ours, divergences = digests.body_motions(trace), []
     locked = {actor: lock.bodies.get((scene.digest, actor)) for actor in ours}
     if all(locked[actor] == motion for actor, motion in ours.items()):
-        return MotionDifference(CONTRADICTION, contradiction=True)
+        return OtherMotion(trace, CONTRADICTION, contradiction=True)
     for actor, motion in ours.items():
         row = locked[actor]
         at = digests.first_divergence(row, motion) if row else None
         if at:
             divergences.append((at[0], actor, at[1]))
     if not divergences:
-        return MotionDifference("the motion differs from the one that was locked")
+        return OtherMotion(trace, "the motion differs from the one that was locked")
     first, actor, last = min(divergences)
     where = f"{digests.divergence_text(first, last)} (from step {first * scene.clock.steps_per_frame})"
     bodies = f"{len(divergences)} of {count(len(ours), 'body', 'bodies')} {form(len(divergences), 'differs', 'differ')}"
     agreed = 0 if None in locked.values() else max(0, first - 1)
-    return MotionDifference(f"body {actor} diverges {where}; {bodies}", agreed, recorded=True)
+    return OtherMotion(trace, f"body {actor} diverges {where}; {bodies}", agreed, recorded=True)
 
 
 def body_differences(

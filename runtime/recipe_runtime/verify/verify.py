@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import NoReturn
@@ -51,7 +51,6 @@ from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.file_comparison import FileComparison
 from recipe_runtime.verify.locking import render_rows
 from recipe_runtime.verify.motion_comparison import (
-    MotionDifference,
     OtherMotion,
     body_differences,
     matching_traces,
@@ -273,9 +272,10 @@ class _Check:
                     self.traces[digest] = trace
                     comparable.add(digest)
                     continue
-                difference = motion_difference(self.lock, scene, trace)
-                message, reason = difference.message, "" if difference.contradiction else reason
-                other = self._other_motion(scene, trace, reason, difference)
+                other = motion_difference(self.lock, scene, trace)
+                message, reason = other.message, "" if other.contradiction else reason
+                recorded = other.recorded or (self.dataset is not None and tracks_differ(self.dataset, scene, trace))
+                other = replace(other, reason=reason, recorded=recorded)
             if locked_trace is not None and reason:
                 self.traces[digest] = store.keep_trace(scene, locked_trace)
                 comparable.add(digest)
@@ -287,11 +287,6 @@ class _Check:
             found.append(Difference("trace", message, reason or None))
         self.progress("simulate", len(scenes), len(scenes))
         return comparable, found + body_differences(self.plan, self.lock, lambda scene: self.traces.get(scene.digest))
-
-    def _other_motion(self, scene: ScenePlan, made: Trace, reason: str, difference: MotionDifference) -> OtherMotion:
-        """Return this host's motion of a scene, with what it may excuse."""
-        recorded = difference.recorded or (self.dataset is not None and tracks_differ(self.dataset, scene, made))
-        return OtherMotion(made, reason, difference.agreed, recorded)
 
     def _frames(self, chosen: list[Choice]) -> list[Difference]:
         root = self.folder / "made" if self.dataset else None
