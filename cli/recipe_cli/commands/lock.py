@@ -70,15 +70,15 @@ def command(
             remedy = "unpack it (it is a ZIP file), lock the recipe and pack it again"
             raise InputError(f"{recipe} is a pack", help=remedy, code=Code.USAGE)
     count = worker_count(workers, device)
-    compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
-    places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
-    _check_apart(recipes, places)
-    options = Options(update or replace, replace, with_traces, device, count, allow_large)
-    inputs = [file for recipe, one in zip(recipes, compiled, strict=True) for file in used_files(recipe, one)]
-    for recipe, one, path in zip(recipes, compiled, places, strict=True):
+    compiled = [(recipe, compile_quietly(recipe, allow_large=allow_large, workers=count)) for recipe in recipes]
+    work = [(recipe, one, lockfile_path(recipe, one.plan.recipe)) for recipe, one in compiled]
+    _check_apart(recipes, [path for _, _, path in work])
+    options = Options(update or replace, replace, with_traces, device, count)
+    inputs = [file for recipe, one in compiled for file in used_files(recipe, one)]
+    for recipe, one, path in work:
         _check_before(recipe, one, path, options, inputs)
     rows = []
-    for recipe, one, path in zip(recipes, compiled, places, strict=True):
+    for recipe, one, path in work:
         locked = _lock(recipe, one, path, options)
         rows.append(locked.row())
         if not as_json:
@@ -96,7 +96,6 @@ class Options:
     with_traces: bool
     device: str
     workers: int
-    allow_large: bool
 
 
 @dataclass(frozen=True)
