@@ -9,10 +9,8 @@ returns the values of the dataset's files. It does not import webdataset, and ca
 from __future__ import annotations
 
 import io
-import json
-import math
 import warnings
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +18,7 @@ from PIL import Image
 from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan_types import MAX_PIXELS_A_SIDE
 
+from recipe_runtime.core import documents
 from recipe_runtime.core.codecs import metres_from_carla
 
 
@@ -55,21 +54,9 @@ def decode(key: str, data: bytes) -> Any:
 
 def _document(key: str, data: bytes) -> Any:
     try:
-        document = json.loads(data, parse_constant=_no_number, parse_float=_finite)
-    except RecursionError:
-        raise ValueError(f"{key}: is nested too deeply") from None
-    if not isinstance(document, dict):
-        raise ValueError(f"{key}: is not the record of a frame")
-    return document
-
-
-def _finite(word: str) -> float:
-    value = float(word)
-    return value if math.isfinite(value) else _no_number(word)
-
-
-def _no_number(word: str) -> NoReturn:
-    raise ValueError(f"{word} is not a number")
+        return documents.decode(data, dict[str, object])
+    except ValueError as error:
+        raise ValueError(f"{key}: is not the record of a frame: {error}") from None
 
 
 def _pixels(key: str, data: bytes) -> NDArray[Any]:

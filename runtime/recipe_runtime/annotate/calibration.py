@@ -18,6 +18,7 @@ from recipe_compiler.ir.optics import bends, focal_length
 from recipe_compiler.ir.plan import CameraPlan
 from recipe_compiler.ir.plan_types import fixed
 
+from recipe_runtime.core.documents import Matrix3, Matrix4, Number
 from recipe_runtime.core.transforms import SENSOR_FROM_VIEW, Array, compose, invert
 
 
@@ -25,17 +26,17 @@ class Distortion(TypedDict):
     """The distortion of the lens; the coefficients are 0 for the model `none`."""
 
     model: Literal["none", "radial"]
-    lens_k: float
-    lens_kcube: float
+    lens_k: Number
+    lens_kcube: Number
 
 
 class Calibration(TypedDict):
     """Calibration of one frame of one camera; non-integers have six decimal places."""
 
-    K: list[list[float]]  # [3, 3], pixels
+    K: Matrix3  # pixels
     distortion: Distortion
-    camera_to_world: list[list[float]]  # [4, 4]
-    world_to_camera: list[list[float]]  # [4, 4]
+    camera_to_world: Matrix4
+    world_to_camera: Matrix4
 
 
 def calibration(camera: CameraPlan, world_from_sensor: Array) -> Calibration:

@@ -9,16 +9,17 @@ from typing import TypeAlias, TypedDict
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import SensorPlan
 
-from recipe_runtime.annotate.calibration import Calibration, Distortion
+from recipe_runtime.annotate.calibration import Calibration
+from recipe_runtime.core.documents import Box, Four, Number, Triple, Whole
 
 
 class Box3d(TypedDict):
     """An oriented box in a frame of reference with z up: the world's, or the sensor's with x forward and y left."""
 
-    centre: list[float]  # x, y, z in metres
-    size: list[float]  # length, width, height in metres
-    rotation: list[float]  # unit quaternion w, x, y, z from the axes of the box to those of the frame of reference
-    yaw: float  # degrees; the whole rotation if the actor, and the sensor in its frame, are level
+    centre: Triple  # x, y, z in metres
+    size: Triple  # length, width, height in metres
+    rotation: Four  # unit quaternion w, x, y, z from the axes of the box to those of the frame of reference
+    yaw: Number  # degrees; the whole rotation if the actor, and the sensor in its frame, are level
 
 
 class Boxes(TypedDict):
@@ -33,81 +34,17 @@ class Boxes(TypedDict):
 class LabelRecord(Boxes):
     """One visible object of one frame, as plain JSON. Non-integers have six decimal places."""
 
-    instance: int  # class tag * 1000 + number: the identity of the track in every sensor, frame and variant
+    instance: Whole  # class tag * 1000 + number: the identity of the track in every sensor, frame and variant
     actor: str  # name in the recipe
-    bbox: list[int]  # x, y, width, height of the visible pixels
-    area: int  # number of visible pixels
+    bbox: Box  # x, y, width, height of the visible pixels
+    area: Whole  # number of visible pixels
     counts: str  # mask of the visible pixels in COCO's compressed run-length code
-    amodal_bbox: list[int]  # x, y, width, height of the pixels within the image that it would cover unoccluded
-    amodal_area: int  # number of those pixels
-    visible_fraction: float  # area / amodal_area
-    truncation: float  # share of its projected box, occluded or not, that lies outside the image, 0 to 1
-    distance: float  # from the sensor to the centre of the body box, metres
-    velocity: list[float]  # x, y, z in the world frame, m/s
-
-
-_LENGTHS = {"bbox": 4, "amodal_bbox": 4, "velocity": 3}  # of lists of numbers
-_BOX_LENGTHS = {"centre": 3, "size": 3, "rotation": 4}
-_TEXTS = ("actor", "counts")
-_LARGEST = 1e15  # of all numbers, so that squares and whole numbers made of them do not overflow
-_NUMBERS = ("instance", "area", "amodal_area", "visible_fraction", "truncation", "distance")
-
-
-def is_labelled_frame(value: object) -> bool:
-    """Whether plain JSON has the fields of a `LabelledFrame`, and nothing else."""
-    if not isinstance(value, dict) or value.keys() != LabelledFrame.__annotations__.keys():
-        return False
-    objects = value["objects"]
-    return (
-        type(value["frame"]) is int
-        and _is_number(value["time"])
-        and _is_calibration(value["calibration"])
-        and isinstance(objects, list)
-        and all(map(is_label, objects))
-    )
-
-
-def is_label(record: object) -> bool:
-    """Whether plain JSON has the fields of a `LabelRecord`, and nothing else."""
-    if not isinstance(record, dict) or record.keys() != LabelRecord.__annotations__.keys():
-        return False
-    return (
-        all(_is_box(record[key]) for key in Boxes.__annotations__)
-        and all(_are_numbers(record[key], length) for key, length in _LENGTHS.items())
-        and all(isinstance(record[key], str) for key in _TEXTS)
-        and all(_is_number(record[key]) for key in _NUMBERS)
-    )
-
-
-def _is_box(value: object) -> bool:
-    return (
-        isinstance(value, dict)
-        and value.keys() == Box3d.__annotations__.keys()
-        and _is_number(value["yaw"])
-        and all(_are_numbers(value[key], length) for key, length in _BOX_LENGTHS.items())
-    )
-
-
-def _is_calibration(value: object) -> bool:
-    if not isinstance(value, dict) or value.keys() != Calibration.__annotations__.keys():
-        return False
-    lens, poses = value["distortion"], (value["camera_to_world"], value["world_to_camera"])
-    matrices = [(value["K"], 3), *((pose, 4) for pose in poses)]
-    return (
-        isinstance(lens, dict)
-        and lens.keys() == Distortion.__annotations__.keys()
-        and isinstance(lens["model"], str)
-        and all(_is_number(lens[key]) for key in ("lens_k", "lens_kcube"))
-        and all(isinstance(m, list) and len(m) == n and all(_are_numbers(r, n) for r in m) for m, n in matrices)
-    )
-
-
-def _are_numbers(value: object, length: int) -> bool:
-    return isinstance(value, list) and len(value) == length and all(map(_is_number, value))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST
+    amodal_bbox: Box  # x, y, width, height of the pixels within the image that it would cover unoccluded
+    amodal_area: Whole  # number of those pixels
+    visible_fraction: Number  # area / amodal_area
+    truncation: Number  # share of its projected box, occluded or not, that lies outside the image, 0 to 1
+    distance: Number  # from the sensor to the centre of the body box, metres
+    velocity: Triple  # x, y, z in the world frame, m/s
 
 
 FileRow: TypeAlias = tuple[int, str] | tuple[int, str, str]
@@ -117,8 +54,8 @@ FileRow: TypeAlias = tuple[int, str] | tuple[int, str, str]
 class LabelledFrame(TypedDict):
     """The labels of one frame of one sensor: a line of `labels.jsonl`."""
 
-    frame: int
-    time: float  # seconds since frame 0
+    frame: Whole
+    time: Number  # seconds since frame 0
     calibration: Calibration
     objects: list[LabelRecord]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TypedDict
+from typing import Annotated, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,16 @@ from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.masks import Mask, masks
+from recipe_runtime.core.documents import Meta, Number, Pair, Whole
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, sensor_transform
 from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.insertion import projection
 
-Corners = list[list[float]]
+Corners: TypeAlias = Annotated[list[Pair], Meta(min_length=4, max_length=4)]
+_Pixel: TypeAlias = Annotated[int, Meta(ge=-(1 << 31), lt=1 << 31)]
+_PixelPair: TypeAlias = Annotated[list[_Pixel], Meta(min_length=2, max_length=2)]
 
 _AREAS = 16 * MAX_PATCHES  # that are kept
 _GRID = 1 << 20  # depths are added as integer multiples of 2^-20 m, so that their sum does not depend on the order
@@ -40,11 +43,11 @@ class PatchRecord(TypedDict):
     texture: str  # sha256:... of its image in this frame, or its colour
     corners: Corners | None  # x, y; None if a corner is behind the camera, or an entirely covered body is not visible
     corners_clipped: Corners | None  # within the picture
-    corners_int: list[list[int]] | None  # the pixels that contain these
-    area: int  # pixels whose centres show it
+    corners_int: Annotated[list[_PixelPair], Meta(min_length=4, max_length=4)] | None  # the pixels that contain these
+    area: Whole  # pixels whose centres show it
     amodal_area: int | None  # the same without occlusion; None for a prop that is entirely covered
     visible_fraction: float | None  # area / amodal_area; 0 outside the picture
-    depth: float | None  # mean depth of the visible pixels, metres along the optical axis; None if there are none
+    depth: Number | None  # mean depth of the visible pixels, metres along the optical axis; None if there are none
     counts: str | None  # mask of the visible pixels in COCO's compressed run-length code
     homography: list[list[float]] | None  # see `projection.homography`; None for a body that is entirely covered
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 import math
 import mmap
 import os
@@ -17,20 +16,31 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import IO, Any
+from typing import IO, Annotated, Any, Final, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import array_hasher, canonical_bytes, digest_bytes
 
+from recipe_runtime.core.documents import Meta, decode
+
 METRE = 1 << 20
 UNIT = 1 << 24
-_FORMAT = "recipe/trace/1"
+_FORMAT: Final = "recipe/trace/1"
 _CHUNK = 1 << 20  # bytes of an array that are handled at once
 _POSITION, _ROTATION = 3 * 8, 4 * 4  # bytes a part
 _VELOCITY = 3 * 8  # bytes an actor
 _UNIT_ERROR = 1e-3  # of the square of a quaternion's length; snapping causes 1e-7
 _LONGEST_HEADER = 8 << 20  # bytes, of names alone
+
+
+class _Head(TypedDict):
+    """The first line of the byte form."""
+
+    format: Literal["recipe/trace/1"]
+    frames: Annotated[int, Meta(ge=0)]
+    actors: list[str]
+    parts: list[str]
 
 
 @dataclass(frozen=True)
@@ -271,15 +281,11 @@ def _read_head(file: IO[bytes], size: int) -> tuple[tuple[str, ...], tuple[str, 
     if len(line) > _LONGEST_HEADER:
         raise ValueError(f"the Trace's header is over {_LONGEST_HEADER:,} bytes")
     try:
-        head = json.loads(line)
-    except RecursionError:
-        raise ValueError("the Trace's header is nested too deeply") from None
-    if not isinstance(head, dict) or head.get("format") != _FORMAT:
-        raise ValueError(f"not a Trace of format {_FORMAT}")
-    f, (p, a) = head.get("frames"), (_count(head.get(names)) for names in ("parts", "actors"))
-    if type(f) is not int or not 0 <= f <= size:
-        raise ValueError(f"a Trace cannot have {str(f)[:40]} frames")
-    if size - 32 - len(line) != f * (p * (_POSITION + _ROTATION) + a * 2 * _VELOCITY):
+        head = decode(line, _Head)
+    except ValueError as error:
+        raise ValueError(f"not a Trace of format {_FORMAT}: {error}") from None
+    f, p, a = head["frames"], len(head["parts"]), len(head["actors"])
+    if f > size or size - 32 - len(line) != f * (p * (_POSITION + _ROTATION) + a * 2 * _VELOCITY):
         raise ValueError("the Trace's arrays are not as long as its header says")
     return tuple(head["actors"]), tuple(head["parts"]), f, len(line)
 
@@ -298,9 +304,3 @@ def _views(
     positions, rotations, linear, angular = arrays
     mapping = buffer if isinstance(buffer, mmap.mmap) else None
     return Trace(actors, parts, positions, rotations, linear, angular, mapping)
-
-
-def _count(names: object) -> int:
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ValueError("the Trace's parts or actors are no list of names")
-    return len(names)

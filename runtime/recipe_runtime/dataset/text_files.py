@@ -22,17 +22,15 @@ from recipe_runtime.annotate.records import (
     FrameRecord,
     LabelledFrame,
     Video,
-    is_labelled_frame,
     label_digest,
     only_labels,
 )
 from recipe_runtime.core import layout
+from recipe_runtime.core.documents import decode
 from recipe_runtime.core.files import open_inside, sha256_of
 from recipe_runtime.dataset.card import card
-from recipe_runtime.dataset.json_stream import loads
 
 _MAX_RUN_CODES = 12  # characters a pixel of all masks of a frame: two runs of at most six
-_MAX_VALUES = 2_000_000  # of one frame's labels; the codes of masks hold brackets, which are counted
 
 Text = tuple[str, Callable[[], Iterable[str]]]  # a file's path, and what makes its pieces
 
@@ -66,9 +64,12 @@ def labels_of(
     Raises:
         ValueError: the line has another digest, is not in canonical form, or contains what no label has.
     """
-    found = loads(line, _MAX_VALUES)
-    if not is_labelled_frame(found) or found["frame"] != frame:
-        raise ValueError("it holds what no label has")
+    try:
+        found = decode(line, LabelledFrame)
+    except ValueError as error:
+        raise ValueError(f"it holds what no label has: {error}") from None
+    if found["frame"] != frame:
+        raise ValueError("it is the line of another frame")
     if label_digest(found) != digest:
         raise ValueError("it is not what the manifest's digest stands for")
     if canonical_bytes(found) + b"\n" != line:
@@ -82,8 +83,7 @@ def labels_of(
         raise ValueError("its masks have more runs than the picture has pixels")
     if not all(runs_fill(record["counts"], size) for record in records):
         raise ValueError("a mask has another size than the picture")
-    labels: LabelledFrame = found
-    return labels
+    return found
 
 
 def instances_of(scene: ScenePlan) -> dict[str, int]:

@@ -12,14 +12,11 @@ from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.plan import ScenarioPlan, SensorPlan
 
 from recipe_runtime.annotate.records import LabelledFrame
-from recipe_runtime.attacks.truth import PatchRecord
-from recipe_runtime.core import layout
-from recipe_runtime.dataset.json_stream import loads
+from recipe_runtime.attacks.truth import FrameTruth, PatchRecord
+from recipe_runtime.core import documents, layout
 from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.transfer.shards import damaged_file, picture_file
 from recipe_runtime.webdataset import decode
-
-_MAX_VALUES = 2_000_000  # of the ground truth of a frame; brackets in the codes of masks are counted
 
 Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
 
@@ -81,31 +78,13 @@ class ExportSequence:
         path = layout.patches_file(self.variant.variant, self.sensor.name, frame)
         content = picture_file(self.dataset, path, self.sensor)
         try:
-            found = [record for record in loads(content, _MAX_VALUES)["patches"] if record["name"] == name]
-            record = cast("PatchRecord", {key: found[0][key] for key in PatchRecord.__annotations__})
-            usable = _is_usable(record)
-        except (ValueError, KeyError, IndexError, TypeError):
+            found = [record for record in documents.decode(content, FrameTruth)["patches"] if record["name"] == name]
+            usable = len(found) == 1 and (found[0]["depth"] is None) == (found[0]["area"] == 0)
+        except ValueError:
             usable = False
         if not usable:
             raise damaged_file(self.dataset, f"{path} is not the ground truth of the patch {name}")
-        return record
+        return found[0]
 
     def _path(self, modality: str, frame: int) -> str:
         return layout.frame_file(self.variant.variant, self.sensor.name, modality, frame, self.dataset.plan.depth)
-
-
-def _is_usable(record: PatchRecord) -> bool:
-    """Return whether the fields of a record that an export reads have valid types and shapes."""
-    pixels = [value for corner in record["corners_int"] or [] for value in corner]
-    numbers = [value for corner in record["corners"] or [] for value in corner]
-    numbers += [] if record["depth"] is None else [record["depth"]]
-    return (
-        type(record["area"]) is int
-        and (record["corners_int"] is None or np.shape(record["corners_int"]) == (4, 2))
-        and (record["corners"] is None or np.shape(record["corners"]) == (4, 2))
-        and all(type(value) is int for value in pixels)
-        and all(type(value) in (int, float) for value in numbers)
-        and all(abs(value) < 1 << 31 for value in [*pixels, *numbers])
-        and (record["depth"] is None) == (record["area"] == 0)
-        and (record["counts"] is None or isinstance(record["counts"], str))
-    )

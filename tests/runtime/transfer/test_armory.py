@@ -329,7 +329,6 @@ def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:
         {"depth": float("nan")},
         {"depth": []},
         {"depth": 1e300},
-        {"more": [[]] * 3_000_000},
     ],
     ids=lambda broken: str(broken)[:40],
 )
