@@ -21,7 +21,7 @@ DOORS = {
     "zlib_ng": {"recipe_runtime/core/codecs.py"},
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
     "PIL": {"recipe_compiler/ir/assets/png.py", "recipe_runtime/report/", "recipe_runtime/webdataset.py"},
-    "msgspec": {"recipe_runtime/core/documents.py"},
+    "msgspec": {"recipe_runtime/core/documents.py", "recipe_runtime/dataset/plan_reader.py"},
     "fsspec": {"recipe_runtime/transfer/upload.py"},
     "ray": {"recipe_runtime/build/ray.py"},
     "torch": {"recipe_runtime/torch.py"},

@@ -16,7 +16,7 @@ from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, RootModel, SerializerFunctionWrapHandler, model_serializer
+from pydantic import ConfigDict, Field, RootModel, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
@@ -65,6 +65,12 @@ class Clock(Plan):
     frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)]
     physics: Annotated[int, Field(ge=1, le=1000)]  # steps a second
     warmup: Annotated[Number, Field(ge=0, le=600)] = 0.0  # seconds simulated before frame 0
+
+    @model_validator(mode="after")
+    def _whole_steps(self) -> Clock:
+        if self.physics % self.fps:
+            raise ValueError(f"{self.physics} steps a second are not a multiple of {self.fps} fps")
+        return self
 
     @property
     def warmup_steps(self) -> int:
@@ -138,6 +144,12 @@ class PropPlan(Plan):
     tag: Tag
     low: tuple[Metres, Metres, Metres]  # its box in its own frame, in metres; what collides
     high: tuple[Metres, Metres, Metres]
+
+    @model_validator(mode="after")
+    def _size(self) -> PropPlan:
+        if self.mesh is None and any(a >= b for a, b in zip(self.low, self.high, strict=True)):
+            raise ValueError("a board without a size")
+        return self
 
 
 class ScenePlan(Plan):

@@ -23,8 +23,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import has_content, regular_file
-from recipe_runtime.dataset.manifest import listed_files, stays_inside
-from recipe_runtime.dataset.manifest_reader import MAX_PARTS
+from recipe_runtime.dataset.manifest import MAX_PARTS, listed_files, stays_inside
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.reader import Dataset
 

@@ -42,7 +42,9 @@ from recipe_runtime.dataset.manifest_types import (
     VariantRecord,
 )
 
-FORMAT = "recipe/manifest/1"
+FORMAT: Final = "recipe/manifest/1"
+MAX_PARTS = 32  # folders of a path, and its name; each is looked up for each file
+_MAX_PART = 255  # bytes of one component of a path
 _PICTURES = "preview/"
 
 # Exceptions that reading an untrusted manifest can raise.
@@ -113,23 +115,20 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
     """Return the size and SHA-256 of every file that a manifest lists.
 
     Raises:
-        ValueError: a row has no size or is in the wrong table, its path leads out of the folder, or two rows cannot
-            both be files.
+        ValueError: a row is in the wrong table, its path leads out of the folder, or two rows cannot both be files.
     """
     rows: dict[str, tuple[int, str]] = {}
     for table in _TABLES:
-        if not isinstance(manifest.get(table), dict):
-            raise ValueError(f"{table} is not a table")
         for path, row in manifest[table].items():
             if not stays_inside(path):
-                raise ValueError(f"{path!r} is not a path within a dataset")
-            if not isinstance(row, dict) or not isinstance(row.get("size"), int) or isinstance(row["size"], bool):
-                raise ValueError(f"{path} has no size")
-            if path in rows:
-                raise ValueError(f"{path} is listed twice")
+                raise ValueError(f"{path[:200]!r} is not a path within a dataset")
+            if path.count("/") >= MAX_PARTS:
+                raise ValueError(
+                    f"{path[:40]}... is in {path.count('/'):,} folders, and at most {MAX_PARTS - 1} are read"
+                )
             if path.startswith(_PICTURES) != (table == "pictures"):
                 raise ValueError(f"{path} does not belong in the table {table}")
-            rows[path] = row["size"], str(row.get("sha256"))
+            rows[path] = row["size"], row["sha256"]
     for path in rows:
         folder = path.rpartition("/")[0]
         while folder:
@@ -140,9 +139,13 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
 
 
 def stays_inside(path: str) -> bool:
-    """Return whether a relative path stays within its folder."""
+    """Return whether a relative path stays within its folder, and a file system can have it."""
     parts = path.split("/")
-    return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
+    return (
+        path.isprintable()
+        and "\\" not in path
+        and not any(part in ("", ".", "..") or len(part.encode()) > _MAX_PART for part in parts)
+    )
 
 
 def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None = None) -> Lockfile:

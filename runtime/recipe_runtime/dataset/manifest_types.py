@@ -1,74 +1,86 @@
-"""Typed records of a dataset's `manifest.json`."""
+"""The types of a dataset's `manifest.json`, into which it is decoded; `manifest.py` describes the fields."""
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias, TypedDict
+from typing import Annotated, Literal, TypeAlias, TypedDict
 
-FrameDigests: TypeAlias = dict[
-    str, dict[str, list[str]]
-]  # by sensor and modality, in the order of the frames that the sensor takes
+from recipe_compiler.ir.modalities import DIGEST_KINDS
+from recipe_compiler.ir.plan_types import MAX_DESCRIPTION, MAX_INTERVAL, MAX_SENSORS, MAX_VARIANT_NAME, MAX_VARIANTS
+
+from recipe_runtime.core.documents import Meta, Sha256
+
+_Name: TypeAlias = Annotated[str, Meta(min_length=1, max_length=100)]
+_Variant: TypeAlias = Annotated[str, Meta(max_length=MAX_VARIANT_NAME)]
+_Path: TypeAlias = Annotated[str, Meta(max_length=2000)]
+_Interval: TypeAlias = Annotated[int, Meta(gt=1, le=MAX_INTERVAL)]
+_Frames: TypeAlias = Annotated[list[Sha256], Meta(min_length=1)]  # in the order of the frames that the sensor takes
+_Kind: TypeAlias = Annotated[str, Meta(pattern=f"^({'|'.join(DIGEST_KINDS)})$")]
+_Modalities: TypeAlias = Annotated[dict[_Kind, _Frames], Meta(min_length=1)]
+FrameDigests: TypeAlias = dict[_Name, _Modalities]  # by sensor
 
 
 class OutputRecord(TypedDict):
     """The outputs that the recipe requests besides pictures."""
 
-    annotations: list[Literal["kwcoco", "coco", "mots_txt", "mots_png"]]
+    annotations: Annotated[list[Literal["kwcoco", "coco", "mots_txt", "mots_png"]], Meta(max_length=4)]
     depth: Literal["carla", "npy"]
 
 
 class FileRecord(TypedDict):
     """A file of the dataset: size in bytes, SHA-256 in hex."""
 
-    size: int
-    sha256: str
+    size: Annotated[int, Meta(ge=0, le=1 << 40)]
+    sha256: Sha256
 
 
 class _Intervals(TypedDict, total=False):
     """Frames from one picture to the next, by sensor; without sensors that take every frame, absent if all do."""
 
-    intervals: dict[str, int]
+    intervals: Annotated[
+        dict[_Name, Annotated[int, Meta(gt=1, le=MAX_INTERVAL)]], Meta(min_length=1, max_length=MAX_SENSORS)
+    ]
 
 
 class PlannedVariant(_Intervals):
     """The part of a variant's record that depends on its plan only: digests of the plan and its parts, the folder."""
 
-    plan: str
-    scene: str
-    rig: str
-    appearance: str
+    plan: Sha256
+    scene: Sha256
+    rig: Sha256
+    appearance: Sha256
     folder: str
 
 
 class VariantRecord(PlannedVariant):
     """A variant: the digests of its plan, of the plan's parts, of its Trace and of its frames, and its folder."""
 
-    trace: str
+    trace: Sha256
     frames: FrameDigests
 
 
 class ManifestHead(TypedDict):
     """The part of a manifest that depends on the plan only."""
 
-    format: str
-    recipe: str
-    description: str
-    plan: str
+    format: Literal["recipe/manifest/1"]
+    recipe: _Name
+    description: Annotated[str, Meta(max_length=MAX_DESCRIPTION)]
+    plan: Sha256
     outputs: OutputRecord
-    stages: dict[str, int]
+    stages: Annotated[dict[_Name, Annotated[int, Meta(ge=0, le=10**6)]], Meta(max_length=100)]
 
 
 class RequiredManifest(ManifestHead):
     """The fields that every manifest has."""
 
-    identity: str
-    tools: dict[str, str]
-    order: list[str]
-    variants: dict[str, VariantRecord]
-    files: dict[str, FileRecord]
-    pictures: dict[str, FileRecord]
+    identity: Annotated[str, Meta(max_length=400)]
+    tools: Annotated[dict[_Name, Annotated[str, Meta(max_length=100)]], Meta(max_length=100)]
+    order: Annotated[list[_Variant], Meta(min_length=1, max_length=MAX_VARIANTS)]
+    variants: dict[_Variant, VariantRecord]
+    files: dict[_Path, FileRecord]
+    pictures: dict[_Path, FileRecord]
 
 
 class Manifest(RequiredManifest, total=False):
     """All of `manifest.json`; `manifest.py` describes the fields."""
 
-    recipe_file: str | None
+    recipe_file: _Path | None

@@ -1,72 +1,53 @@
-"""Reads expanded plans from untrusted files, with limits on size before anything is stored.
+"""Reads expanded plans from untrusted files.
 
-Parts that are equal in several variants become one object, as in a compiled plan, so they are checked and hashed once.
-Compiled plans are compared with the same limits before they are built (`check_readable`).
+A file is decoded into the form in which the compiler writes plans: every key, no other key, every value of its type.
+Only then are the models of `recipe_compiler.ir.plan` made, which check ranges. Parts that are equal in several variants
+become one object, as in a compiled plan, so they are checked and hashed once. Compiled plans are compared with the same
+limits before they are built (`check_readable`).
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Union, cast, get_args, get_origin
 
-from pydantic import TypeAdapter, ValidationError
+import msgspec
+from pydantic import BaseModel, RootModel, ValidationError
 from recipe_compiler.ir.canonical import JsonValue, pretty
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import AppearancePlan, DatasetPlan, Looks, RigPlan, ScenarioPlan, ScenePlan, TownPlan
-from recipe_compiler.ir.plan_types import MAX_BODIES, MAX_ELEMENTS, Name, Slots
 
-from recipe_runtime.dataset.json_stream import loads
-from recipe_runtime.dataset.limits import MAX_POSES, MAX_ROWS, check_bounds
-from recipe_runtime.dataset.manifest_reader import first_error
-
-T = TypeVar("T")
+from recipe_runtime.core.documents import decode
+from recipe_runtime.dataset.limits import MAX_POINTS_IN_ALL, MAX_POSES, check_bounds
 
 MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan
-_MAX_VALUES = 2_600_000  # of one plan: 300,000 poses and a town
-_OBJECTS = "objects of towns, scenes, rigs and appearances"  # of JSON, which may omit each field that has a default
-_SLOTS_OF_LOOKS = "slots of distinct colours"
-_SENSORS = "sensors of variants"  # each has labels and a picture of frame 0
-_MAX_NUMBERS = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
-         "colours of bodies": 40 * MAX_BODIES, _SLOTS_OF_LOOKS: 2_000_000, _SENSORS: MAX_ROWS // 2,
-         _OBJECTS: 1_000_000}  # fmt: skip
-_WITH_OBJECTS = {"town": 2, "scene": 1, "rig": 1, "appearance": 1}  # counted parts: objects around each in `_parts`
-_REMEDY = "split the recipe into several"
 _FRAMING = 200  # bytes of a plan, at most, between its parts
-_SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
+_REMEDY = "split the recipe into several"
+_OMITTED = {"arm", "interval", "patches"}  # keys that plans without them do not have
+_PARTS: dict[type[BaseModel], dict[str, type[BaseModel]]] = {
+    ScenarioPlan: {"scene": ScenePlan, "rig": RigPlan, "appearance": AppearancePlan},
+    ScenePlan: {"town": TownPlan},
+    AppearancePlan: {"looks": Looks},
+}
 
 
 def check_readable(dataset: DatasetPlan) -> None:
-    """Check that the plans of a dataset, once written, can be read again, and its lockfile with them.
+    """Check that the plans of a dataset, once written, can be read again, and its manifest and lockfile with them.
 
     Raises:
-        InputError: a number in them is out of its bounds, or together they are larger than any that are read.
+        InputError: the dataset is not within its bounds, or the plans are larger than those that are read.
     """
     check_bounds(dataset)
-    scenes = {v.scene.digest: v.scene for v in dataset.variants}.values()
-    towns = {scene.town.digest: scene.town for scene in scenes}.values()
-    looks = {v.appearance.looks.digest: v.appearance.looks for v in dataset.variants}.values()
-    numbers = {
-        _SENSORS: sum(len(variant.rig.sensors) for variant in dataset.variants),
-        "points of routes": sum(len(actor.route) for scene in scenes for actor in scene.actors),
-        "elements of towns": sum(len(town.elements) for town in towns),
-        "colours of bodies": sum(len(look.root) for look in looks),
-        _SLOTS_OF_LOOKS: sum(map(len, _distinct(slots for look in looks for slots in look.root.values()))),
-    }
-    for what, number in numbers.items():
-        _check_number(what, number)
-    sizes, total, objects = dict[str, int](), 0, 0
+    sizes, total = dict[str, int](), 0
     for variant in dataset.variants:
         size = _FRAMING + len(variant.variant.encode())
-        for key, make in _parts(variant):
+        for key, make in _shared(variant):
             if key not in sizes:
-                text = pretty(make())
-                sizes[key] = len(text.encode())
-                around = _WITH_OBJECTS.get(key.partition(" ")[0])
-                objects += text.count("{") - around if around is not None else 0
-                _check_number(_OBJECTS, objects)
+                sizes[key] = len(pretty(make()).encode())
             size += sizes[key]
         total += size
         if size > MAX_PLAN_BYTES:
@@ -76,17 +57,7 @@ def check_readable(dataset: DatasetPlan) -> None:
             raise InputError(f"the plans have over {MAX_BYTES:,} bytes together; {each}", help=_REMEDY)
 
 
-def _distinct(colours: Iterable[Mapping[str, object]]) -> Iterable[tuple[tuple[str, object], ...]]:
-    """Return the distinct colours of bodies, as pairs of slot and colour."""
-    return dict.fromkeys(tuple(sorted(slots.items())) for slots in colours)
-
-
-def _check_number(what: str, number: int) -> None:
-    if number > _MAX_NUMBERS[what]:
-        raise InputError(f"the plans have {number:,} {what}, over {_MAX_NUMBERS[what]:,}", help=_REMEDY)
-
-
-def _parts(variant: ScenarioPlan) -> Iterator[tuple[str, Callable[[], JsonValue]]]:
+def _shared(variant: ScenarioPlan) -> Iterator[tuple[str, Callable[[], JsonValue]]]:
     """Yield the parts of a plan that variants share: a key, and what returns the part in its place in the document."""
     scene, rig, appearance = variant.scene, variant.rig, variant.appearance
     yield f"town {scene.town.digest}", lambda: {"scene": {"town": scene.town.document()}}
@@ -102,10 +73,8 @@ class PlanReader:
     """Reads the plans of one dataset."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, bytes], Any] = {}
-        self._slots: dict[tuple[tuple[object, object], ...], dict[str, str]] = {}
-        self._numbers = dict.fromkeys(_MAX_NUMBERS, 0)
-        self._bytes = 0
+        self._known: dict[tuple[type[BaseModel], bytes], BaseModel] = {}
+        self._bytes = self._poses = self._points = 0
 
     def read(self, body: bytes) -> ScenarioPlan:
         """Return the plan in a file's content; ValueError with a one-line message if it is invalid or too large."""
@@ -115,88 +84,55 @@ class PlanReader:
         if self._bytes > MAX_BYTES:
             raise ValueError(f"plans of together more than {MAX_BYTES:,} bytes are not read")
         try:
-            return self._scenario(loads(body, _MAX_VALUES))
+            return cast(ScenarioPlan, self._part(ScenarioPlan, decode(body, _plan_form())))
         except ValidationError as error:
-            raise ValueError(first_error(error)) from None
-        except (OverflowError, RecursionError) as error:
-            raise ValueError(f"a number or a list is out of range: {error}") from None
+            raise ValueError(_first_error(error)) from None
 
-    def _scenario(self, raw: object) -> ScenarioPlan:
-        raw = dict(_object(raw, "a plan"))
-        for key, read in (("scene", self._scene), ("rig", self._rig), ("appearance", self._appearance)):
-            raw[key] = self._once(key, _object(raw.get(key), key), read)
-        plan = ScenarioPlan.model_validate(raw)
-        self._count(_SENSORS, len(plan.rig.sensors))  # each variant's are checked, also those that it shares
-        return plan
-
-    def _scene(self, raw: dict[str, object]) -> ScenePlan:
-        actors = [actor for actor in _list(raw.get("actors")) if isinstance(actor, dict)]
-        self._count("points of routes", sum(len(_list(actor.get("route"))) for actor in actors))
-        self._count(_OBJECTS, _objects(raw, "town"))
-        return ScenePlan.model_validate(
-            {**raw, "town": self._once("town", _object(raw.get("town"), "town"), self._town)}
-        )
-
-    def _town(self, raw: dict[str, object]) -> TownPlan:
-        self._count("elements of towns", len(_list(raw.get("elements"))))
-        self._count(_OBJECTS, _objects(raw))
-        return TownPlan.model_validate(raw)
-
-    def _rig(self, raw: dict[str, object]) -> RigPlan:
-        sensors = [sensor for sensor in _list(raw.get("sensors")) if isinstance(sensor, dict)]
-        self._count("poses of sensors", sum(len(_list(sensor.get("poses"))) for sensor in sensors))
-        self._count(_OBJECTS, _objects(raw))
-        return RigPlan.model_validate(raw)
-
-    def _appearance(self, raw: dict[str, object]) -> AppearancePlan:
-        self._count(_OBJECTS, _objects(raw, "looks"))
-        return AppearancePlan.model_validate(
-            {**raw, "looks": self._once("looks", _object(raw.get("looks"), "looks"), self._looks)}
-        )
-
-    def _looks(self, raw: dict[str, object]) -> Looks:
-        """Return colours; bodies with equal colours share one object."""
-        self._count("colours of bodies", len(raw))
-        if len(raw) > MAX_BODIES:
-            raise ValueError(f"looks has more than {MAX_BODIES:,} bodies")
-        return Looks.model_construct(root={_NAME.validate_python(name): self._colours(raw[name]) for name in raw})
-
-    def _colours(self, raw: object) -> dict[str, str]:
-        slots = _object(raw, "a look")
-        key = tuple(slots.items())
-        try:
-            found = self._slots.get(key)
-        except TypeError:  # a list or an object in place of a colour
-            found = None
-        if found is None:
-            self._count(_SLOTS_OF_LOOKS, len(slots))
-            found = self._slots[key] = _SLOTS.validate_python(slots)
-        return found
-
-    def _once(self, part: str, raw: dict[str, object], make: Callable[[dict[str, object]], T]) -> T:
-        """Return the result of `make` for a part of a plan; the same object for equal parts."""
-        key = part, hashlib.sha256(json.dumps(raw, sort_keys=True).encode()).digest()
-        if key not in self._known:
-            self._known[key] = make(raw)
-        found: T = self._known[key]
-        return found
-
-    def _count(self, what: str, number: int) -> None:
-        self._numbers[what] += number
-        if self._numbers[what] > _MAX_NUMBERS[what]:
-            raise ValueError(f"{self._numbers[what]:,} {what} are over {_MAX_NUMBERS[what]:,}")
+    def _part(self, model: type[BaseModel], found: Any) -> BaseModel:
+        """Return a part of a plan from its decoded form; the same object for equal parts."""
+        key = model, hashlib.sha256(msgspec.json.encode(found)).digest()
+        if key in self._known:
+            return self._known[key]
+        # these become objects of many times their size
+        self._poses += sum(len(sensor.poses) for sensor in found.sensors) if model is RigPlan else 0
+        self._points += sum(len(actor.route) for actor in found.actors) if model is ScenePlan else 0
+        if self._poses > MAX_POSES or self._points > MAX_POINTS_IN_ALL:
+            raise ValueError(f"more than {MAX_POSES:,} poses of sensors or {MAX_POINTS_IN_ALL:,} points of routes")
+        fields = found if isinstance(found, dict) else msgspec.structs.asdict(found)
+        for name, part in _PARTS.get(model, {}).items():
+            fields[name] = self._part(part, fields[name])
+        made = self._known[key] = model.model_validate(fields, from_attributes=True)
+        return made
 
 
-def _objects(raw: Mapping[str, object], without: str = "") -> int:
-    """Return the number of JSON objects in a part of a plan, except in one of its members."""
-    return json.dumps({key: value for key, value in raw.items() if key != without}).count("{")
+@cache
+def _plan_form() -> Any:
+    return _form(ScenarioPlan)
 
 
-def _object(value: object, what: str) -> dict[str, object]:
-    if not isinstance(value, dict):
-        raise ValueError(f"{what} is not an object")
-    return value
+def _form(kind: Any) -> Any:
+    """Return the type into which the documents of a model are decoded: every key and no other, without ranges."""
+    arguments = get_args(kind)
+    if isinstance(kind, type) and issubclass(kind, RootModel):
+        return _form(kind.model_fields["root"].annotation)
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        fields = [
+            (name, _form(field.annotation), *([field.default] if name in _OMITTED else []))
+            for name, field in kind.model_fields.items()
+        ]
+        required_first = sorted(fields, key=len)
+        return msgspec.defstruct(kind.__name__, required_first, forbid_unknown_fields=True)
+    if get_origin(kind) is Annotated:
+        return _form(arguments[0])
+    if get_origin(kind) in (Union, UnionType):
+        return Union[tuple(map(_form, arguments))]  # noqa: UP007  made of a tuple
+    if get_origin(kind) in (tuple, dict):
+        return get_origin(kind)[tuple(a if a is Ellipsis else _form(a) for a in arguments)]
+    return kind
 
 
-def _list(value: object) -> list[object]:
-    return value if isinstance(value, list) else []
+def _first_error(error: ValidationError) -> str:
+    """Return the first error of a document with its place, on one line."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    place = ".".join(str(step)[:60] for step in first["loc"][:8])
+    return f"{place}: {first['msg']}"[:300]

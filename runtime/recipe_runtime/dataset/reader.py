@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from recipe_compiler.ir.bounded_reads import bounded_memory
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile, VariantRow
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, ScenePlan, SensorPlan
@@ -67,11 +66,6 @@ def read(root: Path, name: str = "") -> Dataset:
         InputError: the folder is not a dataset, or the manifest or a plan is damaged.
     """
     name = name or str(root)
-    with bounded_memory(name):
-        return _read(root, name)
-
-
-def _read(root: Path, name: str) -> Dataset:
     try:
         manifest = manifest_reader.read(root)
         files = listed_files(manifest)
@@ -365,11 +359,8 @@ def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:
 
 
 def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan:
-    order = manifest["order"]
-    if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
-        raise ValueError("order is not a list of variant names")
     variants, reader = [], PlanReader()
-    for name in order:
+    for name in manifest["order"]:
         path = layout.plan_file(name)
         if path not in files:  # the list contains no path that leads out of the folder
             raise ValueError(f"the plan of {name!r} is not among its files")

@@ -17,7 +17,7 @@ from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.build.recipe_files import RecipeFiles, asset_places
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.dataset import reader as datasets
-from recipe_runtime.dataset.manifest_reader import MAX_PARTS
+from recipe_runtime.dataset.manifest import MAX_PARTS
 from recipe_runtime.dataset.reader import damaged_files
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.recipe_comparison import recipe_differences

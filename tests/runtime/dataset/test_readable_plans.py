@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
-from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset import plan_reader
+from recipe_runtime.dataset.limits import MAX_POINTS_IN_ALL, MAX_POSES
 from recipe_runtime.dataset.plan_reader import PlanReader, check_readable
 from recipe_runtime.verify.locking import lock
 
 from tests.runtime import fakes
 
-GOLDEN = Path(__file__).parents[2] / "golden/tiny.yaml"
 PLAN = fakes.dataset_plan(frames=2)
 BODIES = [pretty(variant.document()).encode() for variant in PLAN.variants]
 
@@ -50,23 +51,6 @@ def test_a_single_plan_has_a_limit_too(monkeypatch: pytest.MonkeyPatch) -> None:
         read(PLAN)
 
 
-# `check_bounds` counts the poses of sensors
-@pytest.mark.parametrize("what", sorted(plan_reader._MAX_NUMBERS.keys() - {"poses of sensors"}))
-def test_what_the_reader_counts_is_counted_before_the_build(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both count distinct parts, so they refuse at the same number."""
-    plan = compile_recipe(GOLDEN).plan
-    reader = read(plan)
-    number = reader._numbers[what]
-    assert number
-    monkeypatch.setitem(plan_reader._MAX_NUMBERS, what, number)
-    check_readable(plan)
-    monkeypatch.setitem(plan_reader._MAX_NUMBERS, what, number - 1)
-    with pytest.raises(InputError, match=what):
-        check_readable(plan)
-    with pytest.raises(ValueError, match=what):
-        read(plan)
-
-
 def test_an_unreadable_plan_is_neither_built_nor_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It was built, and then no command could read the dataset."""
     monkeypatch.setattr(plan_reader, "MAX_BYTES", 1000)
@@ -77,36 +61,44 @@ def test_an_unreadable_plan_is_neither_built_nor_locked(tmp_path: Path, monkeypa
         lock(PLAN, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=fakes.ENGINES)
 
 
-def test_fields_with_defaults_do_not_hide_objects(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression: 1,000 camera responses `{}` in each of 10,000 variants, 1.5 MB of archive, took 9 GB of memory."""
-    raw = json.loads(BODIES[0])
-    raw["appearance"]["responses"] |= {f"s{number}": {} for number in range(900)}
-    body = json.dumps(raw).encode()
-    PlanReader().read(body)
-    monkeypatch.setitem(plan_reader._MAX_NUMBERS, plan_reader._OBJECTS, 900)
-    PlanReader().read(BODIES[0])
-    with pytest.raises(ValueError, match=r"objects of towns, scenes, rigs and appearances are over 900"):
-        PlanReader().read(body)
+def with_poses(raw: Any) -> None:
+    raw["rig"]["sensors"][0]["poses"] *= MAX_POSES + 1
 
 
-def test_the_slots_of_a_body_are_counted_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression: 276,000 bodies of 64 slots, 239 MB of plans, took 2.9 GB of memory."""
+def with_points(raw: Any) -> None:
+    for actor in raw["scene"]["actors"]:
+        actor["route"] = [{"x": 0, "y": 0}] * (MAX_POINTS_IN_ALL + 1)
+
+
+@pytest.mark.parametrize("change", [with_poses, with_points])
+def test_totals_are_limited_before_they_become_objects(change: Callable[[Any], None]) -> None:
+    """A pose has 40 bytes in a plan and 600 in memory."""
     raw = json.loads(BODIES[0])
-    slots = {f"s{number}": "#000000" for number in range(60)}
-    raw["appearance"]["looks"] = {f"b{number}": slots for number in range(60)}
-    monkeypatch.setitem(plan_reader._MAX_NUMBERS, plan_reader._SLOTS_OF_LOOKS, 100)
-    PlanReader().read(json.dumps(raw).encode())
-    raw["appearance"]["looks"]["b0"] = slots | {"s0": "#000001"}
-    with pytest.raises(ValueError, match="120 slots of distinct colours are over 100"):
+    change(raw)
+    with pytest.raises(ValueError, match="more than 300,000 poses of sensors or 300,000 points of routes"):
         PlanReader().read(json.dumps(raw).encode())
 
 
-def test_sensors_that_variants_share_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression: 10,000 variants that share 250 sensors with bent lenses took three minutes to refuse."""
-    monkeypatch.setitem(plan_reader._MAX_NUMBERS, plan_reader._SENSORS, 1)
-    reader = PlanReader()
+def without_a_default(raw: Any) -> None:
+    del raw["rig"]["sensors"][0]["poses"][0]["roll"]
+
+
+def with_a_text(raw: Any) -> None:
+    raw["scene"]["clock"]["frames"] = "2"
+
+
+def with_another_key(raw: Any) -> None:
+    raw["scene"]["clock"]["more"] = 2
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(without_a_default, "missing required"), (with_a_text, "Expected `int`"), (with_another_key, "unknown field")],
+)
+def test_a_plan_in_another_form_than_the_compiler_writes_is_refused(change: Callable[[Any], None], words: str) -> None:
+    """Regression: 1,000 camera responses `{}` in each of 10,000 variants, 1.5 MB of archive, took 9 GB of memory."""
     raw = json.loads(BODIES[0])
-    raw["rig"]["sensors"] = raw["rig"]["sensors"][:1]
-    reader.read(json.dumps(raw).encode())
-    with pytest.raises(ValueError, match="2 sensors of variants are over 1"):
-        reader.read(json.dumps({**raw, "variant": "another"}).encode())
+    PlanReader().read(json.dumps(raw).encode())
+    change(raw)
+    with pytest.raises(ValueError, match=words):
+        PlanReader().read(json.dumps(raw).encode())

@@ -42,6 +42,15 @@ class PatchFace(Plan):
     region: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)  # of the texture: left, top, right, bottom
     reach: Annotated[Number, Field(gt=0, le=1000)]  # metres; points farther from the rectangle's plane are not covered
 
+    @model_validator(mode="after")
+    def _rectangle(self) -> PatchFace:
+        if any(abs(sum(x * x for x in v) - 1.0) > 1e-3 for v in (self.right, self.down, self.normal)):
+            raise ValueError("a face is not a rectangle")
+        left, top, right, bottom = self.region
+        if left >= right or top >= bottom:
+            raise ValueError("a face shows nothing of the texture")
+        return self
+
     @property
     def normal(self) -> tuple[float, float, float]:
         """The unit normal of the side that shows the texture: `down` x `right`."""
@@ -65,6 +74,14 @@ class PatchTexture(Plan):
     image: FilePlan | None = None
     frames: Annotated[tuple[FilePlan, ...], Field(max_length=MAX_FRAMES)] = ()
     colour: Colour | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> PatchTexture:
+        if (self.image is not None) + bool(self.frames) + (self.colour is not None) != 1:
+            raise ValueError("a texture is one of an image, a sequence and a colour")
+        if any(file.kind != "png" for file in self.files):
+            raise ValueError("a texture of a patch is a PNG image")
+        return self
 
     def at(self, frame: int) -> FilePlan | None:
         """The image of a frame; None for a colour."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Annotated, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
@@ -36,6 +36,12 @@ class CameraPlan(Plan):
     far: Annotated[Number, Field(gt=0, le=100_000)] = 1000.0
     lens_k: Annotated[Number, Field(ge=-1, le=1)] = 0.0  # distortion, as `optics` has it
     lens_kcube: Annotated[Number, Field(ge=-1, le=1)] = 0.0
+
+    @model_validator(mode="after")
+    def _range(self) -> CameraPlan:
+        if self.near >= self.far:
+            raise ValueError("near must be less than far")
+        return self
 
 
 class BoxPlan(Plan):
