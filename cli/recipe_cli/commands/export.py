@@ -127,7 +127,7 @@ def _export_layout(
         made = layouts.export_layout(dataset, folder, form, progress, patch=patch, replace=replace)
     if form == "kitti":
         _warn_of_distortion(dataset)
-    total = sum(cast("int", row[0]) for row in made["files"].values())
+    total = sum(row[0] for row in made["files"].values())
     left_out = {"left_out": _report_left_out(folder, made["files"], as_json)} if form == "armory" else {}
     if as_json:
         print_json({**made, "files": len(made["files"]), "bytes": total, **left_out})

@@ -22,15 +22,15 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO
+from typing import BinaryIO, TypedDict
 
 from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.ir.lockfile import is_lockfile
 
+from recipe_runtime.core.documents import Sha256, decode
 from recipe_runtime.core.files import host_errors, sha256_of
-from recipe_runtime.dataset.json_stream import loads
 
 SUFFIX = ".recipe"
 MAX_BYTES = 512 << 20
@@ -47,7 +47,14 @@ _HEADER_BYTES = 30  # of a ZIP entry, before its name
 _SIZE_AT = 22
 _NO_SPACE = "free some space, or set TMPDIR to another folder"
 _PART = re.compile(r"[A-Za-z0-9_+=,@ -][A-Za-z0-9._+=,@ -]*")
-_DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError)
+
+
+class _Index(TypedDict):
+    """`pack.json`."""
+
+    format: str
+    recipe: str
+    files: dict[str, Sha256]
 
 
 @dataclass(frozen=True)
@@ -103,7 +110,7 @@ def read(path: Path) -> Pack:
             return _load(file)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; `recipe pack` makes one", code=Code.FILE_NOT_FOUND) from None
-    except (OSError, InputError, *_DAMAGE) as error:
+    except (OSError, InputError, ValueError) as error:
         lines = str(error).splitlines() or [type(error).__name__]
         reason = (isinstance(error, OSError) and error.strerror) or lines[0]
         refused = isinstance(error, PermissionError)
@@ -150,8 +157,8 @@ def _load(file: BinaryIO) -> Pack:
     size = os.fstat(file.fileno()).st_size
     if size > MAX_BYTES:
         raise ValueError(f"it is larger than {MAX_BYTES >> 20} MiB")
-    index = loads(_read_entry(file, _INDEX, min(size, _MAX_INDEX)), MAX_FILES + 10)
-    if not isinstance(index, dict) or index.get("format") != _FORMAT:
+    index = decode(_read_entry(file, _INDEX, min(size, _MAX_INDEX)), _Index)
+    if index["format"] != _FORMAT:
         raise ValueError(f"its {_INDEX} is not of format {_FORMAT}")
     _check(index["recipe"], dict.fromkeys(index["files"], 0))  # names; the file's own size limits the sum
     files = {name: _read_entry(file, name, size - file.tell()) for name in sorted(index["files"])}
@@ -181,7 +188,7 @@ def _read_entry(file: BinaryIO, name: str, limit: int) -> bytes:
 
 
 def _check(recipe: str, sizes: Mapping[str, int]) -> None:
-    if not isinstance(recipe, str) or recipe not in sizes:
+    if recipe not in sizes:
         raise InputError("the recipe is not among its files")
     if len(sizes) > MAX_FILES or sum(sizes.values()) > MAX_BYTES:
         raise InputError(f"a pack holds at most {MAX_FILES:,} files and {MAX_BYTES >> 20} MiB")

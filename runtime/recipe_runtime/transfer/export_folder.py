@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import fcntl
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from recipe_compiler.ir.bounded_reads import bounded_memory
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.core.files import (
@@ -21,20 +19,16 @@ from recipe_runtime.core.files import (
     holds_current_folder,
     is_folder,
     open_folder,
-    open_inside,
     plain_path,
     regular_file,
     remove_tree,
 )
-from recipe_runtime.dataset.json_stream import JsonStream
 from recipe_runtime.dataset.limits import byte_count
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset
 
 MARKER = ".dataset-recipe-export"  # a file in the folders that exports make next to their outputs
 _REPLACED = "export"  # the replaced export, in the second folder
-_ROW_BYTES, _BYTES_PER_ROW = 500, 250  # of an index: characters of a row, at most; bytes of a row and its path, about
-_MIN_INDEX_LIMIT = 16 << 20  # bytes
 
 
 def check_destination(out: Path) -> Path:
@@ -138,58 +132,6 @@ def recover(out: Path) -> None:
             _settle(aside, out)
     if is_folder(out) and regular_file(out, MARKER) is not None:
         (out / MARKER).unlink()
-
-
-def read_index(out: Path, name: str, dataset: Dataset, bytes_per_frame: int) -> object:
-    """Return the JSON index of an export; None if it is absent, damaged or too large.
-
-    Args:
-        out: The folder of the export.
-        name: The name of its index.
-        dataset: The dataset to export, which determines how long an index may be.
-        bytes_per_frame: Bytes of an index for each frame of the dataset, at most.
-    """
-    frames = sum(len(s.frames(v.scene.clock.frames)) for v in dataset.plan.variants for s in v.rig.sensors)
-    most = max(_MIN_INDEX_LIMIT, bytes_per_frame * frames)
-    try:
-        with open_inside(out, name) as file, bounded_memory(str(out / name)):
-            return _read_rows(JsonStream(file, most), most) if is_folder(out) else None
-    except (OSError, ValueError):
-        return None
-
-
-def _read_rows(stream: JsonStream, most: int) -> object:
-    """Return the JSON object at a stream, whose tables `files` and `shards` may have up to `most` bytes together.
-
-    Raises:
-        ValueError: it is not the index of an export, or too large.
-    """
-    found: dict[str, object] = {}
-    left = [most // _BYTES_PER_ROW, most]  # rows, and bytes of their paths in memory
-    for key in stream.members():
-        if key in found:
-            raise ValueError("it has a key twice")
-        if key == "files":
-            rows = found[key] = dict[str, object]()
-            for path in stream.members():
-                if path in rows:
-                    raise ValueError("it has a path twice")
-                rows[path] = _row(stream.value(_ROW_BYTES), path, left)
-        elif key == "shards":
-            found[key] = [_row(value, "", left) for value in stream.items(_ROW_BYTES)]
-        else:
-            found[key] = stream.value()
-    stream.end()
-    return found
-
-
-def _row(value: object, path: str, left: list[int]) -> object:
-    """Return a row of an index; ValueError if it is none, or one too many."""
-    parts = list(value.values()) if isinstance(value, dict) else value
-    left[0], left[1] = left[0] - 1, left[1] - sys.getsizeof(path)
-    if min(left) < 0 or not isinstance(parts, list) or not all(isinstance(part, int | str) for part in parts):
-        raise ValueError("it has more rows than an index, or others")
-    return value
 
 
 def holds_files(out: Path, rows: Iterable[tuple[str, int, str]], dataset: Dataset) -> bool:

@@ -13,10 +13,9 @@ files are never exported.
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Literal, TypedDict, cast
+from typing import Annotated, Literal, TypeAlias, TypedDict, cast
 
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError
@@ -24,6 +23,7 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_runtime.annotate import kitti
 from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
 from recipe_runtime.core import layout
+from recipe_runtime.core.documents import Meta
 from recipe_runtime.core.files import entries_below, host_errors, is_folder
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import stamp
@@ -35,10 +35,10 @@ from recipe_runtime.transfer.export_folder import (
     holds_files,
     is_empty,
     publish,
-    read_index,
     recover,
     work_folder,
 )
+from recipe_runtime.transfer.export_index import read_index
 from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 
 Layout = Literal["mots", "kitti", "armory"]
@@ -48,6 +48,10 @@ _INDEX_BYTES = 5000  # of the index, per frame: Armory's layouts have the most f
 _REMEDY = "free some space or choose another folder, then export again"
 
 
+FileRow: TypeAlias = tuple[int, str]  # size in bytes, SHA-256
+_Path: TypeAlias = Annotated[str, Meta(pattern=r"^(?!.*\.\.)[^/\0][^\0]*\Z")]  # within the export
+
+
 class _Choice(TypedDict, total=False):
     patch: str  # for armory, if the caller chose one
 
@@ -55,10 +59,10 @@ class _Choice(TypedDict, total=False):
 class LayoutIndex(_Choice):
     """`index.json`: the dataset's identity, the layout, and size and SHA-256 of every file."""
 
-    format: str
+    format: Literal["recipe/layout/1"]
     dataset: str
     layout: str
-    files: dict[str, list[int | str]]
+    files: dict[_Path, FileRow]
 
 
 def export_layout(
@@ -100,7 +104,7 @@ def export_layout(
         armory.check_patches(dataset, patch)
     entries = _LAYOUTS[form]
     with host_errors(str(out), _REMEDY), work_folder(out, lambda _: True) as work:
-        files: dict[str, list[int | str]] = {}
+        files: dict[str, FileRow] = {}
         for done, sequence in enumerate(sequences):
             progress("export", done, len(sequences))
             files.update(_write(work, path, content) for path, content in entries(sequence))
@@ -167,7 +171,7 @@ _LISTS: dict[Layout, Callable[[list[ExportSequence]], Iterator[Entry]]] = {
 }
 
 
-def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, list[int | str]]:
+def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, FileRow]:
     """Write a file, and return its row of the index."""
     target, hasher, size = work / path, hashlib.sha256(), 0
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -176,7 +180,7 @@ def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, 
             file.write(piece)
             hasher.update(piece)
             size += len(piece)
-    return path, [size, hasher.hexdigest()]
+    return path, (size, hasher.hexdigest())
 
 
 def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -> None:
@@ -208,8 +212,7 @@ def _has_only(folder: Path, index: LayoutIndex) -> bool:
 
 def _read_index(out: Path, dataset: Dataset) -> LayoutIndex | None:
     """Return the index of an export; None if it is absent or damaged."""
-    index = read_index(out, INDEX, dataset, _INDEX_BYTES)
-    return cast("LayoutIndex", index) if _is_index(index) else None
+    return read_index(out, INDEX, dataset, _INDEX_BYTES, LayoutIndex)
 
 
 def _made_from(index: LayoutIndex) -> dict[str, object]:
@@ -217,24 +220,8 @@ def _made_from(index: LayoutIndex) -> dict[str, object]:
     return {key: value for key, value in index.items() if key not in ("format", "files")}
 
 
-def _is_index(index: object) -> bool:
-    if not isinstance(index, dict) or index.get("format") != _FORMAT:
-        return False
-    if not LayoutIndex.__required_keys__ <= index.keys() <= LayoutIndex.__annotations__.keys():
-        return False
-    files = index["files"]
-    return isinstance(files, dict) and all(
-        re.fullmatch(r"(?!.*\.\.)[^/\0][^\0]*", path)
-        and isinstance(row, list)
-        and len(row) == 2
-        and type(row[0]) is int
-        and isinstance(row[1], str)
-        for path, row in files.items()
-    )
-
-
 def _is_complete(out: Path, known: LayoutIndex, dataset: Dataset) -> bool:
     """Return whether a folder contains exactly the files of its index, with the bytes recorded there."""
-    rows = ((path, cast("int", size), str(sha256)) for path, (size, sha256) in known["files"].items())
+    rows = ((path, *row) for path, row in known["files"].items())
     listed = known["layout"] != "armory" or armory.LEFT_OUT in known["files"]
     return listed and _has_only(out, known) and holds_files(out, rows, dataset)

@@ -14,12 +14,11 @@ from __future__ import annotations
 
 import hashlib
 import io
-import re
 import tarfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypedDict, cast
+from typing import Annotated, Final, Literal, TypedDict
 
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, RunError
@@ -27,6 +26,7 @@ from recipe_compiler.ir.plan import SensorPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import codecs, layout
+from recipe_runtime.core.documents import Meta
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import stamp
@@ -37,14 +37,14 @@ from recipe_runtime.transfer.export_folder import (
     holds_files,
     is_empty,
     publish,
-    read_index,
     recover,
     work_folder,
 )
+from recipe_runtime.transfer.export_index import read_index
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30
-_FORMAT = "recipe/webdataset/1"
+_FORMAT: Final = "recipe/webdataset/1"
 _INDEX_BYTES = 300  # of the index, per shard, which holds one frame or more
 _REMEDY = "free some space or choose another folder, then export again"
 
@@ -52,19 +52,16 @@ _REMEDY = "free some space or choose another folder, then export again"
 class ShardRecord(TypedDict):
     """A shard in the index: file name, number of samples, size in bytes and SHA-256."""
 
-    file: str
-    samples: int
-    size: int
+    file: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*-[0-9]{6,}\.tar\Z")]
+    samples: Annotated[int, Meta(ge=0)]
+    size: Annotated[int, Meta(ge=0)]
     sha256: str
-
-
-_ROW_TYPES = {"file": str, "samples": int, "size": int, "sha256": str}
 
 
 class ExportIndex(TypedDict):
     """`index.json`: the dataset's identity, the size limit of a shard in bytes, and the shards in order."""
 
-    format: str
+    format: Literal["recipe/webdataset/1"]
     dataset: str
     shard_bytes: int
     shards: list[ShardRecord]
@@ -261,23 +258,8 @@ def _has_other_files(out: Path, index: ExportIndex) -> bool:
 
 def _index_of(out: Path, dataset: Dataset) -> ExportIndex | None:
     """Return the index of an export; None if it is absent or damaged."""
-    index = read_index(out, INDEX, dataset, _INDEX_BYTES)
-    return cast("ExportIndex", index) if _is_index(index) else None
-
-
-def _is_index(index: object) -> bool:
-    """Return whether a JSON value has the form of an index; its shards are plain names."""
-    if not isinstance(index, dict) or index.keys() != ExportIndex.__annotations__.keys() or index["format"] != _FORMAT:
-        return False
-    rows = index["shards"]
-    return isinstance(rows, list) and all(
-        isinstance(row, dict)
-        and row.keys() == ShardRecord.__annotations__.keys()
-        and all(type(row[key]) is kind for key, kind in _ROW_TYPES.items())
-        and 0 <= row["samples"] <= row["size"]
-        and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*-[0-9]{6,}\.tar", row["file"])
-        for row in rows
-    )
+    index = read_index(out, INDEX, dataset, _INDEX_BYTES, ExportIndex)
+    return index if index is not None and all(row["samples"] <= row["size"] for row in index["shards"]) else None
 
 
 def _is_complete(out: Path, index: ExportIndex, dataset: Dataset) -> bool:

@@ -14,10 +14,10 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
+from recipe_runtime.core.documents import decode
 from recipe_runtime.core.files import read_inside, regular_file
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.dataset import digests
-from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.report.difference import first_difference, read_pixels
 from recipe_runtime.verify.documents import walk
@@ -84,16 +84,15 @@ class FileComparison:
         """Return the first field in which the dataset's JSON file differs from the one written here, in words."""
         written = (self.made / path).read_bytes()
         try:
-            recorded = loads(read_inside(self.dataset.root, path, _LONGER * len(written)), _LONGER * len(written))
-            fields = list(walk(recorded, loads(written, len(written)), ""))
+            recorded = decode(read_inside(self.dataset.root, path, _LONGER * len(written)), dict[str, object])
+            fields = list(walk(recorded, decode(written, dict[str, object]), ""))
         except (OSError, ValueError, RecursionError) as error:
             reason = (isinstance(error, OSError) and error.strerror) or str(error)
             return f"it is not the ground truth of patches: {reason}"
         if not fields:
             return "equal values in another form"
         more = f", and in {count(len(fields) - 1, 'more field')}" if len(fields) > 1 else ""
-        first = "the whole document" if fields[0].startswith(":") else fields[0].lstrip(".")
-        return f"as recorded and as rendered it differs in {first}{more}"
+        return f"as recorded and as rendered it differs in {fields[0].lstrip('.')}{more}"
 
     def _unlisted_pixels(self, path: str, at: Place) -> Difference | None:
         """Return a difference if a picture's pixels do not have the digest in the dataset's manifest.

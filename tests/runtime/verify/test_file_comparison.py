@@ -43,7 +43,7 @@ def test_forged_ground_truth_is_reported_with_its_fields(tmp_path: Path) -> None
         (b"[" * 400, "it is not the ground truth of patches: "),
         (b" " * 10_000, "it is not the ground truth of patches: "),
         (b'{"frame": 3, "patches": [{"name": ["poster"]}]}', "patches[['poster']] is in the first only"),
-        (b"[]", "it differs in the whole document"),
+        (b"[]", "it is not the ground truth of patches: Expected `object`"),
     ],
 )
 def test_any_content_gives_a_message(tmp_path: Path, body: bytes, words: str) -> None:
