@@ -38,7 +38,6 @@ COMMANDS = {
     "surfaces": "List what patches can be put on, with pictures to paint on.",
     "schema": "Print the JSON Schema of recipes, for editors.",
 }
-_DOCUMENT_BYTES = 2 << 30  # of memory to read one dataset, manifest or lockfile; valid ones take less than half
 
 
 class LazyGroup(click.Group):
@@ -95,9 +94,6 @@ def main() -> None:
     """Run the command; every error is printed with its place and remedy, and ends in an exit code."""
     import signal
 
-    from recipe_compiler.ir.bounded_reads import bound_memory
-
-    bound_memory(_DOCUMENT_BYTES)
     for number in (signal.SIGTERM, signal.SIGHUP):  # so that temporary folders are removed, as after an error
         if signal.getsignal(number) == signal.SIG_DFL:  # `nohup` ignores the second
             signal.signal(number, lambda number, _: sys.exit(128 + number))

@@ -234,14 +234,13 @@ def _is_dataset(target: Path | str) -> bool:
 
 def _integrity(target: Path | str, options: Options) -> Report:
     """Compare the digests of a dataset's files with its manifest."""
-    from recipe_compiler.ir.bounded_reads import bounded_memory
     from recipe_compiler.ir.errors import InputError
     from recipe_runtime.dataset import reader
     from recipe_runtime.verify.verify import verify_files
 
     if not _is_dataset(target):
         raise InputError(f"{target}: --integrity hashes the files of a dataset folder; name one")
-    with Progress() as progress, dataset_at(target, progress) as folder, bounded_memory(shown(target)):
+    with Progress() as progress, dataset_at(target, progress) as folder:
         dataset = reader.read(folder, shown(target))
         check_bytes(dataset, allow_large=options.allow_large)
         return verify_files(dataset, options, progress)

@@ -31,7 +31,7 @@ from functools import cached_property
 from pathlib import Path
 from urllib.parse import quote
 
-from recipe_compiler.ir.bounded_reads import bounded_memory, open_regular
+from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.canonical import canonical_bytes, digest_chunks
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile_rows import FORMAT, MAX_LINE, MAX_ROWS, RESTORE, RowParser, invalid_line, max_rows_for
@@ -255,7 +255,7 @@ def read(path: Path, plan: DatasetPlan | None = None) -> Lockfile:
     Raises:
         InputError: it is not a valid lockfile; the place is the line.
     """
-    with bounded_memory(str(path)), _lines_of(path) as lines:
+    with _lines_of(path) as lines:
         return _parse(lines, str(path), MAX_ROWS if plan is None else max_rows_for(plan))
 
 
