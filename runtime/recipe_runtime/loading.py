@@ -11,7 +11,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core.asset_files import Assets
-from recipe_runtime.dataset.limits import check_plan
+from recipe_runtime.dataset.plan_checks import check_plan
 from recipe_runtime.frames.engines import Engines, real_engines
 from recipe_runtime.scenario import Scenario, Scenes
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir.errors import InputError
-from recipe_runtime.dataset.limits import check_bounds
+from recipe_runtime.dataset.plan_checks import check_bounds
 
 CASES = Path(__file__).parents[1] / "cases"
 FAILING = sorted(path.parent for path in CASES.glob("failing/*/error.txt"))

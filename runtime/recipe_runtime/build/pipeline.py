@@ -42,9 +42,9 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.assembly import FrameAssembly
-from recipe_runtime.dataset.limits import check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.dataset.plan_checks import check_plan
 from recipe_runtime.dataset.plan_reader import check_readable
 from recipe_runtime.dataset.schedule import (
     SHARD_FRAMES,

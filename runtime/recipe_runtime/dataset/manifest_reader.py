@@ -13,9 +13,9 @@ from recipe_compiler.ir.errors import Code, InputError, RunError
 from recipe_runtime.core import layout
 from recipe_runtime.core.documents import decode, decode_exactly
 from recipe_runtime.core.files import open_inside, regular_file, resolved
-from recipe_runtime.dataset.limits import MAX_MANIFEST_BYTES
 from recipe_runtime.dataset.manifest import FORMAT, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.dataset.plan_checks import MAX_MANIFEST_BYTES
 
 MAX_BYTES = MAX_MANIFEST_BYTES
 

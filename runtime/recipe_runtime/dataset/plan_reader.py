@@ -21,7 +21,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import AppearancePlan, DatasetPlan, Looks, RigPlan, ScenarioPlan, ScenePlan, TownPlan
 
 from recipe_runtime.core.documents import decode
-from recipe_runtime.dataset.limits import MAX_POINTS_IN_ALL, MAX_POSES, check_bounds
+from recipe_runtime.dataset.plan_checks import MAX_POINTS_IN_ALL, MAX_POSES, check_bounds
 
 MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan

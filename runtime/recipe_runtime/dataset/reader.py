@@ -1,8 +1,8 @@
 """Reads a dataset folder: its plan, its digests as a lockfile, and whether its files are correct.
 
-The folder is not trusted. Its content is checked against the limits of `dataset.limits` before use, and links are not
-followed. The plan determines which files must exist, and plan, labels and traces determine the content of text files,
-so a manifest that was changed to match a forged text file is detected.
+The folder is not trusted. Its documents are decoded into their types, its plan is compared with `dataset.plan_checks`
+before use, and links are not followed. The plan determines which files must exist, and plan, labels and traces
+determine the content of text files, so a manifest that was changed to match a forged text file is detected.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests, manifest_reader
 from recipe_runtime.dataset.events import distinct_events
-from recipe_runtime.dataset.limits import byte_count, check_bounds, check_plan, file_count, row_count
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.dataset.plan_checks import byte_count, check_bounds, check_plan, file_count, row_count
 from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
 from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, differing, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv

@@ -24,9 +24,9 @@ from recipe_runtime.core import layout, urls
 from recipe_runtime.core.files import file_sha256
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset import manifest_reader
-from recipe_runtime.dataset.limits import MAX_FILES
 from recipe_runtime.dataset.manifest import listed_files, stays_inside
 from recipe_runtime.dataset.manifest_reader import MAX_BYTES
+from recipe_runtime.dataset.plan_checks import MAX_FILES
 from recipe_runtime.transfer import download_process
 from recipe_runtime.transfer.upload import connections, located, reported_errors, scheme_of
 

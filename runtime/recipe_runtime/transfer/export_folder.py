@@ -23,8 +23,8 @@ from recipe_runtime.core.files import (
     regular_file,
     remove_tree,
 )
-from recipe_runtime.dataset.limits import byte_count
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
+from recipe_runtime.dataset.plan_checks import byte_count
 from recipe_runtime.dataset.reader import Dataset
 
 MARKER = ".dataset-recipe-export"  # a file in the folders that exports make next to their outputs

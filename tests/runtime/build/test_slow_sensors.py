@@ -18,7 +18,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan, RigPlan, SensorPlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
-from recipe_runtime.dataset import digests, limits
+from recipe_runtime.dataset import digests, plan_checks
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.manifest_reader import read as read_manifest
 from recipe_runtime.frames.shot import shot
@@ -91,11 +91,11 @@ def test_captured_frames_equal_those_of_a_full_build_and_others_are_absent(slow:
 
 
 def test_the_estimated_size_counts_captured_frames_only() -> None:
-    limits.check_bounds(SLOW)
-    assert limits.row_count(SLOW) == 4 * (3 * 5 + 12 * 3)  # labels and four modalities; labels and two modalities
-    assert len(list(digests.frame_keys(SLOW))) == limits.row_count(SLOW)
+    plan_checks.check_bounds(SLOW)
+    assert plan_checks.row_count(SLOW) == 4 * (3 * 5 + 12 * 3)  # labels and four modalities; labels and two modalities
+    assert len(list(digests.frame_keys(SLOW))) == plan_checks.row_count(SLOW)
     files = len(layout.expected_files(SLOW))
-    assert files <= limits.file_count(SLOW) <= files + 12
+    assert files <= plan_checks.file_count(SLOW) <= files + 12
 
 
 def test_the_manifest_and_the_lockfile_use_the_frame_numbers_of_the_clip(

@@ -23,7 +23,7 @@ from recipe_compiler.ir.plan import ScenarioPlan, TownPlan
 from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset import reader as datasets
-from recipe_runtime.dataset.limits import MAX_MANIFEST_BYTES
+from recipe_runtime.dataset.plan_checks import MAX_MANIFEST_BYTES
 from recipe_runtime.dataset.plan_reader import PlanReader
 from recipe_runtime.transfer.bundle import Pack, unpacked
 from recipe_runtime.verify.verify import Options, verify_files

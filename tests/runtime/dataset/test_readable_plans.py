@@ -13,7 +13,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset import plan_reader
-from recipe_runtime.dataset.limits import MAX_POINTS_IN_ALL, MAX_POSES
+from recipe_runtime.dataset.plan_checks import MAX_POINTS_IN_ALL, MAX_POSES
 from recipe_runtime.dataset.plan_reader import PlanReader, check_readable
 from recipe_runtime.verify.locking import lock
 

@@ -27,9 +27,9 @@ from recipe_runtime.core.layout import expected_files
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset import reader as datasets
-from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.dataset.manifest import is_whole, lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.dataset.plan_checks import check_bounds
 from recipe_runtime.dataset.text_files import instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 

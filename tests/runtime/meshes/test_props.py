@@ -28,7 +28,7 @@ from recipe_runtime.core import asset_files
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.trace import METRE
 from recipe_runtime.dataset import reader as datasets
-from recipe_runtime.dataset.limits import check_bounds
+from recipe_runtime.dataset.plan_checks import check_bounds
 from recipe_runtime.frames.engines import Engines, real_engines
 from recipe_runtime.meshes import props as props_module
 from recipe_runtime.meshes.props import prop_bodies
