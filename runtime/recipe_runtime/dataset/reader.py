@@ -93,7 +93,7 @@ def read(root: Path, name: str = "") -> Dataset:
             help="allow this user to read the folder",
             code=Code.INVALID_DATASET,
         ) from None
-    except (OSError, *DAMAGE) as error:
+    except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(
             f"{name}: its manifest or a plan is damaged ({reason})",
@@ -158,7 +158,7 @@ def plan_alone(path: Path) -> DatasetPlan:
         ) from None
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file", code=Code.FILE_NOT_FOUND) from None
-    except (OSError, *DAMAGE) as error:
+    except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: cannot be read as a plan: {reason}", code=Code.INVALID_DATASET) from None
     return alone
@@ -215,7 +215,7 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
                     for _ in frames:  # each is checked, and none is kept
                         pass
                 videos.append(video)
-            except (OSError, *DAMAGE) as error:
+            except (OSError, ValueError) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
                 found.append((path, f"{path}: {reason}"))
     scenes = {v.scene.digest: v.scene for v in dataset.plan.variants if v.scene.digest in traces}
@@ -336,7 +336,7 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
                 found = labels_of(lines.readline(MAX_LINE), frame, value, sensor, actors)
-            except DAMAGE as error:
+            except ValueError as error:
                 raise ValueError(f"line {number}: {error}") from None
             yield found
         if lines.read(1):

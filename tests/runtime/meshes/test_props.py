@@ -214,7 +214,7 @@ def test_the_lockfile_has_a_row_for_every_asset(tmp_path: Path) -> None:
     [
         ({"pose": {"x": 1e9}}, r"scene\.props\.1\.pose\.x"),
         ({"scale": 0.0}, r"scene\.props\.1\.scale"),
-        ({"mesh": None, "low": (0, 0, 0), "high": (0, 0, 0)}, "is a board without a size"),
+        ({"mesh": None, "low": (0, 0, 0), "high": (0, 0, 0)}, "a board without a size"),
         ({"mesh": {"sha256": "0" * 64, "bytes": 1 << 40, "kind": "obj"}}, r"scene\.props\.1\.mesh\.bytes"),
     ],
 )
@@ -222,9 +222,8 @@ def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str, tmp_p
     _, plan = _plan(tmp_path)
     variant = plan.variants[0].model_dump(mode="json")
     variant["scene"]["props"][1] |= changes
-    with pytest.raises((InputError, ValidationError), match=words):
-        wrong = plan.variants[0].model_validate(variant)
-        check_bounds(plan.model_copy(update={"variants": (wrong,)}))
+    with pytest.raises(ValidationError, match=words):
+        plan.variants[0].model_validate(variant)
 
 
 def test_a_mesh_is_decoded_once_for_all_of_its_props(monkeypatch: pytest.MonkeyPatch) -> None:
