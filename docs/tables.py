@@ -1,0 +1,75 @@
+"""Write the generated parts of the documentation: `make tables`.
+
+A page marks such a part with the comments `<!-- generated: NAME -->` and `<!-- end -->`: each on a line of its own for
+a block, or both within a paragraph. `PARTS` has a function for each name, which returns the text from what the code
+declares. `tests/test_tables_of_docs.py` fails if a page is not current.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from recipe_compiler.library import weather
+
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+_PART = re.compile(r"(<!-- generated: ([a-z_]+) -->)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown; cells may contain Markdown."""
+    lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
+    return "\n".join([lines[0], "|---" * len(head) + "|", *lines[1:]])
+
+
+def code(names: Iterable[object]) -> str:
+    """Return names as code, separated by commas."""
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def paragraph(text: str) -> str:
+    """Return a text broken into lines of at most 120 characters."""
+    return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False)
+
+
+def renewed(text: str) -> str:
+    """Return the text of a page with all of its generated parts renewed.
+
+    Raises:
+        KeyError: the page marks a part that `PARTS` lacks.
+    """
+    return _PART.sub(_filled, text)
+
+
+def _filled(found: re.Match[str]) -> str:
+    start, name, old, end = found.groups()
+    gap = "\n\n" if old.startswith("\n") else ""
+    return f"{start}{gap}{PARTS[name]()}{gap}{end}"
+
+
+def presets() -> str:
+    """Return a paragraph with the names of all presets."""
+    return paragraph(f"Presets, as of CARLA 0.9.16: {code(weather.PRESETS)}.")
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "presets": presets,
+}
+"""Name -> function that returns the text of the part."""
+
+
+def main() -> None:
+    """Rewrite all pages with generated parts."""
+    for page in PAGES:
+        old = page.read_text(encoding="utf-8")
+        new = renewed(old)
+        if new != old:
+            page.write_text(new, encoding="utf-8")
+            print(page.relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    main()
