@@ -17,8 +17,9 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler.ir import lockfile, lockfile_rows
+from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.lockfile import rows as lockfile_rows
 from recipe_compiler.ir.plan import ScenarioPlan, TownPlan
 from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
@@ -286,7 +287,7 @@ import sys, time
 from pathlib import Path
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.lockfile_rows import MAX_ROWS
+from recipe_compiler.ir.lockfile.rows import MAX_ROWS
 from recipe_runtime.dataset import manifest_reader, reader
 share = int(sys.argv[3])  # of the limits on rows
 MAX_ROWS.update(frame=MAX_ROWS["frame"] // share, body=MAX_ROWS["body"] // share)

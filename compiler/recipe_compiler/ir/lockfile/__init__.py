@@ -34,10 +34,10 @@ from urllib.parse import quote
 from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.canonical import canonical_bytes, digest_chunks
 from recipe_compiler.ir.errors import Code, InputError
-from recipe_compiler.ir.lockfile_rows import FORMAT, MAX_LINE, MAX_ROWS, RESTORE, RowParser, invalid_line, max_rows_for
-from recipe_compiler.ir.lockfile_rows import BodyMotion as BodyMotion
-from recipe_compiler.ir.lockfile_rows import FrameKey as FrameKey
-from recipe_compiler.ir.lockfile_rows import VariantRow as VariantRow
+from recipe_compiler.ir.lockfile.rows import FORMAT, MAX_LINE, MAX_ROWS, RESTORE, RowParser, invalid_line, max_rows_for
+from recipe_compiler.ir.lockfile.rows import BodyMotion as BodyMotion
+from recipe_compiler.ir.lockfile.rows import FrameKey as FrameKey
+from recipe_compiler.ir.lockfile.rows import VariantRow as VariantRow
 from recipe_compiler.ir.plan import DatasetPlan
 
 _HEAD = b"recipe-lock "
