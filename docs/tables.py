@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import weather
 
 ROOT = Path(__file__).parents[1]
@@ -55,8 +56,15 @@ def presets() -> str:
     return paragraph(f"Presets, as of CARLA 0.9.16: {code(weather.PRESETS)}.")
 
 
+def weather_parameters() -> str:
+    """Return the table of weather parameters."""
+    rows = ((f"`{n}`", f"{p.low:,} to {p.high:,}", f"{p.engine:g}", p.effect) for n, p in PARAMETERS.items())
+    return table(("parameter", "range", "unset", "effect on a picture"), rows)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "presets": presets,
+    "weather_parameters": weather_parameters,
 }
 """Name -> function that returns the text of the part."""
 

@@ -17,7 +17,7 @@ from recipe_compiler.carla.scene import Scene
 from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form, SettingsReader
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.ir.plurals import count
-from recipe_compiler.library.weather import PARAMETERS
+from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.source import yaml_reader
 from recipe_compiler.source.merge import Merger
 from recipe_compiler.source.yaml_reader import Value

@@ -5,21 +5,14 @@ from __future__ import annotations
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Data
 from recipe_compiler.carla.report import Node
-from recipe_compiler.library.weather import ENGINE_DEFAULTS, PARAMETERS, UNSET
+from recipe_compiler.ir.weather import PARAMETERS, UNSET
 from recipe_compiler.schema.messages import near
 
-COLLECTOR = dict.fromkeys(PARAMETERS, 0.0) | {"rayleigh_scattering_scale": 0.0331}
+COLLECTOR = {name: parameter.constructor for name, parameter in PARAMETERS.items()}
 """The parameters of `carla.WeatherParameters()`, the collector's defaults."""
 
 OSCAR = COLLECTOR | {"cloudiness": 25.0, "sun_altitude_angle": 20.0}
 """OSCAR's default weather, from its configs/context/default.yaml."""
-
-_LIMITS = {
-    "fog_distance": 10_000.0,
-    "fog_falloff": 1000.0,
-    "mie_scattering_scale": 5.0,
-    "rayleigh_scattering_scale": 2.0,
-}
 
 
 def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
@@ -68,10 +61,10 @@ def complete(reader: Reader, given: dict[str, Data], defaults: dict[str, float],
 
 def _clamped(parameter: str, value: float) -> tuple[float, str]:
     """Return the nearest value that a recipe may have, and the reason if it differs, else an empty text."""
-    if value == UNSET and parameter != "sun_altitude_angle":
-        return ENGINE_DEFAULTS[parameter], "-1 means unset in CARLA: the engine's default"
+    declared = PARAMETERS[parameter]
+    if value == UNSET < declared.low:
+        return declared.engine, "-1 means unset in CARLA: the engine's default"
     if parameter == "sun_azimuth_angle":
         return (value, "") if 0.0 <= value <= 360.0 else (value % 360.0, "the same direction, from 0 to 360 degrees")
-    low, high = (-90.0, 90.0) if parameter == "sun_altitude_angle" else (0.0, _LIMITS.get(parameter, 100.0))
-    valid = min(max(value, low), high)
-    return valid, "" if valid == value else f"outside {low:g} to {high:g}: clamped"
+    valid = min(max(value, float(declared.low)), float(declared.high))
+    return valid, "" if valid == value else f"outside {declared.low:g} to {declared.high:g}: clamped"

@@ -39,7 +39,6 @@ from recipe_compiler.ir.plan_types import (
     Metres,
     Name,
     Number,
-    Percent,
     Shape,
     Share,
     Slot,
@@ -56,6 +55,7 @@ from recipe_compiler.ir.rig.plan import CameraPlan as CameraPlan
 from recipe_compiler.ir.rig.plan import RigPlan as RigPlan
 from recipe_compiler.ir.rig.plan import SensorPlan as SensorPlan
 from recipe_compiler.ir.semantic_tags import Category
+from recipe_compiler.ir.weather import Weather as Weather
 
 
 class Clock(Plan):
@@ -176,23 +176,6 @@ class ScenePlan(Plan):
             return self
         clock = self.clock.model_copy(update={"frames": frames})
         return ScenePlan(clock=clock, town=self.town, actors=self.actors, props=self.props)
-
-
-class Weather(Plan):
-    """CARLA's weather parameters, with their names and units; the sun is in `Sun`."""
-
-    cloudiness: Percent
-    precipitation: Percent
-    precipitation_deposits: Percent
-    wind_intensity: Percent
-    fog_density: Percent
-    fog_distance: Annotated[Number, Field(ge=0, le=10_000)]  # metres
-    fog_falloff: Annotated[Number, Field(ge=0, le=1000)]
-    wetness: Percent
-    scattering_intensity: Percent
-    mie_scattering_scale: Annotated[Number, Field(ge=0, le=5)]
-    rayleigh_scattering_scale: Annotated[Number, Field(ge=0, le=2)]
-    dust_storm: Percent
 
 
 class Sun(Plan):

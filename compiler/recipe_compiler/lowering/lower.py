@@ -26,6 +26,7 @@ from recipe_compiler.ir.plan import (
     TexturePlan,
     Weather,
 )
+from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import weather
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering import lint, plausibility, props, sun, traffic
@@ -222,7 +223,7 @@ class Lowering:
 
     def _weather_and_sun(self, variant: Variant, base: Base) -> tuple[Weather, Sun]:
         given = base.weather
-        by_hand = {p: value for p in weather.PARAMETERS if (value := getattr(given, p)) is not None}
+        by_hand = {p: value for p in PARAMETERS if (value := getattr(given, p)) is not None}
         numbers = weather.preset(given.preset) | by_hand
         where = sun.from_carla(numbers.pop("sun_azimuth_angle"), numbers.pop("sun_altitude_angle"))
         if base.time is not None:

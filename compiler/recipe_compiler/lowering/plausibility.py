@@ -7,9 +7,11 @@ from collections.abc import Iterable, Iterator
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import ActorPlan, Pose, RigPlan
+from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.source.yaml_reader import Value
 
-_PERCENT = ("cloudiness", "precipitation", "precipitation_deposits", "fog_density", "wetness", "dust_storm")
+# Percentages, but not those for which CARLA itself has values up to 1.
+_PERCENT = [n for n, p in PARAMETERS.items() if p.high == 100 and not (0 < p.engine <= 1 or 0 < p.usual <= 1)]
 FASTEST_RUNNER = 12.5  # m/s
 _DEGREES = 57.29577951308232  # of a radian
 NARROWEST = 5.0  # degrees; smaller fields of view are telescopes, or radians

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, Sun, Weather
 from recipe_compiler.ir.semantic_tags import Tag
+from recipe_compiler.ir.weather import PARAMETERS
 
 from recipe_runtime.body import riding, walk_cycle
 from recipe_runtime.body.kinematics import IDENTITY, PartPose, forward_kinematics, rotate
@@ -24,11 +25,7 @@ from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 
 _FIELD = 24.0  # degrees: a long lens, so that near and far keep their proportions
 _MARGIN = 1.1
-DAYLIGHT = Weather.model_validate(
-    dict.fromkeys(Weather.model_fields, 0.0)
-    | {"scattering_intensity": 1.0, "mie_scattering_scale": 0.03}
-    | {"cloudiness": 30.0, "rayleigh_scattering_scale": 0.0331}
-)
+DAYLIGHT = Weather.model_validate({name: PARAMETERS[name].usual for name in Weather.model_fields} | {"cloudiness": 30})
 """Dry weather with a few clouds, for pictures of single actors and surfaces."""
 _PHASE = 0.1  # of the stride in which a walker is shown: one foot flat, one about to leave
 

@@ -3,63 +3,42 @@
 from __future__ import annotations
 
 import pytest
-from recipe_compiler.ir.errors import Code
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import weather
 from recipe_compiler.lowering import sun
 
 from tests.compiler.kitchen import compiled, only, small
 
-# rpc/WeatherParameters.cpp of CARLA 0.9.16: cloudiness, precipitation, deposits, wind, sun altitude, fog density, fog
-# distance, fog falloff, wetness. In every row the sun's azimuth is unset (-1), scattering is 1, Mie 0.03, Rayleigh
-# 0.0331; dust is 0 but in DustStorm.
-CARLA = {
-    "Default": (-1, -1, -1, -1, -1, -1, -1, -1, -1),
-    "ClearNoon": (5, 0, 0, 10, 45, 2, 0.75, 0.1, 0),
-    "CloudyNoon": (60, 0, 0, 10, 45, 3, 0.75, 0.1, 0),
-    "WetNoon": (5, 0, 50, 10, 45, 3, 0.75, 0.1, 0),
-    "WetCloudyNoon": (60, 0, 50, 10, 45, 3, 0.75, 0.1, 0),
-    "SoftRainNoon": (20, 30, 50, 30, 45, 3, 0.75, 0.1, 0),
-    "MidRainyNoon": (60, 60, 60, 60, 45, 3, 0.75, 0.1, 0),
-    "HardRainNoon": (100, 100, 90, 100, 45, 7, 0.75, 0.1, 0),
-    "ClearSunset": (5, 0, 0, 10, 15, 2, 0.75, 0.1, 0),
-    "CloudySunset": (60, 0, 0, 10, 15, 3, 0.75, 0.1, 0),
-    "WetSunset": (5, 0, 50, 10, 15, 2, 0.75, 0.1, 0),
-    "WetCloudySunset": (60, 0, 50, 10, 15, 2, 0.75, 0.1, 0),
-    "SoftRainSunset": (20, 30, 50, 30, 15, 2, 0.75, 0.1, 0),
-    "MidRainSunset": (60, 60, 60, 60, 15, 3, 0.75, 0.1, 0),
-    "HardRainSunset": (100, 100, 90, 100, 15, 7, 0.75, 0.1, 0),
-    "ClearNight": (5, 0, 0, 10, -90, 60, 75, 1, 0),
-    "CloudyNight": (60, 0, 0, 10, -90, 60, 0.75, 0.1, 0),
-    "WetNight": (5, 0, 50, 10, -90, 60, 75, 1, 60),
-    "WetCloudyNight": (60, 0, 50, 10, -90, 60, 0.75, 0.1, 60),
-    "SoftRainNight": (60, 30, 50, 30, -90, 60, 0.75, 0.1, 60),
-    "MidRainyNight": (80, 60, 60, 60, -90, 60, 0.75, 0.1, 80),
-    "HardRainNight": (100, 100, 90, 100, -90, 100, 0.75, 0.1, 100),
-    "DustStorm": (100, 0, 0, 100, 45, 2, 0.75, 0.1, 0),
-}
 
-
-@pytest.mark.parametrize("name", CARLA)
-def test_presets_are_carlas(name: str) -> None:
-    clouds_to_wind, altitude_on = CARLA[name][:4], CARLA[name][4:]
-    dust = 100 if name == "DustStorm" else 0
-    assert tuple(weather.PRESETS[name].values()) == (*clouds_to_wind, -1, *altitude_on, 1, 0.03, 0.0331, dust)
-
-
-def test_there_are_23_presets_of_14_numbers() -> None:
-    assert tuple(weather.PRESETS) == tuple(CARLA)
-    assert len(CARLA) == 23 and len(weather.PARAMETERS) == 14
-    assert all(tuple(numbers) == weather.PARAMETERS for numbers in weather.PRESETS.values())
+def test_presets_are_unchanged() -> None:
+    """They are those of CARLA 0.9.16; another number would change every dataset whose recipe names the preset."""
+    assert (
+        digest("presets", [[name, *values.values()] for name, values in weather.PRESETS.items()])[:16]
+        == "44693703491d1672"
+    )
 
 
 def test_unset_values_become_the_engines_defaults() -> None:
-    for name in weather.PRESETS:
-        assert weather.UNSET not in weather.preset(name).values()
-    assert weather.preset("Default")["sun_altitude_angle"] == 75
-    assert weather.preset("Default")["fog_falloff"] == 0.2
-    scattering = ("scattering_intensity", "mie_scattering_scale", "rayleigh_scattering_scale")
-    assert [weather.preset("Default")[p] for p in scattering] == [1.0, 0.03, 0.0331]  # CARLA sets these
+    default = weather.preset("Default")
+    assert (default["sun_altitude_angle"], default["fog_falloff"]) == (75, 0.2)
+    assert default["mie_scattering_scale"] == 0.03  # CARLA sets it
     assert weather.preset("ClearNoon")["sun_azimuth_angle"] == 0
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_every_parameter_has_a_range_and_changes_the_appearance_alone(name: str) -> None:
+    declared = PARAMETERS[name]
+    of_presets = [weather.preset(preset)[name] for preset in weather.PRESETS]
+    assert all(declared.low <= value <= declared.high for value in (*of_presets, declared.engine, declared.constructor))
+    middle = (declared.low + declared.high) / 2
+    low, high = (only(small(weather={name: value})) for value in (declared.low, middle))
+    assert (low.scene.digest, low.rig.digest) == (high.scene.digest, high.rig.digest)
+    assert low.appearance.digest != high.appearance.digest
+    for value in (declared.low - 1.5, declared.high + 1.5):
+        with pytest.raises(InputError, match=rf"weather.{name}: .* write a value from"):
+            compiled(small(weather={name: value}))
 
 
 def test_no_weather_is_the_default_preset() -> None:

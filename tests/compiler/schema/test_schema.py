@@ -11,7 +11,6 @@ import jsonschema
 import pytest
 import yaml
 from recipe_compiler import compile as compiler
-from recipe_compiler.library import towns, weather
 from recipe_compiler.schema import camera, json_schema, motion, recipe, scene, sweep, template
 from recipe_compiler.schema import weather as weather_models
 from recipe_compiler.schema.fields import Model
@@ -106,14 +105,12 @@ def test_the_template_compiles_without_a_warning() -> None:
     assert compiler.compile_recipe(TEMPLATE).warnings == ()
 
 
-def test_the_page_names_every_key_preset_and_town() -> None:
+def test_the_page_names_every_key() -> None:
     text = " ".join(re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", PAGE.read_text(), flags=re.S)))
     words = set(re.findall(r"\w+", text))
     for model in _models():
         for name in model.model_fields:
             assert name in words, f"{model.__name__}.{name}"
-    for name in (*weather.PRESETS, *towns.NAMES, *(p for town in towns.NAMES for p in towns.PARAMETERS[town])):
-        assert name in words, name
 
 
 def test_the_pages_examples_compile(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.canonical import digest_array
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Pose, Sun, Weather
+from recipe_compiler.library.weather import preset
 from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer
@@ -143,20 +144,7 @@ LOOKS = {
     "car": {"paint": "#1f4f9a"},
 }
 
-_CLEAR = {
-    "cloudiness": 5.0,
-    "precipitation": 0.0,
-    "precipitation_deposits": 0.0,
-    "wind_intensity": 10.0,
-    "fog_density": 2.0,
-    "fog_distance": 0.75,
-    "fog_falloff": 0.1,
-    "wetness": 0.0,
-    "scattering_intensity": 1.0,
-    "mie_scattering_scale": 0.03,
-    "rayleigh_scattering_scale": 0.0331,
-    "dust_storm": 0.0,
-}
+_CLEAR = {name: value for name, value in preset("ClearNoon").items() if name in Weather.model_fields}
 
 
 def appearance(

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Pose
-from recipe_compiler.library.weather import PARAMETERS
+from recipe_compiler.ir.weather import PARAMETERS
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer
@@ -41,6 +42,16 @@ COLOURS = {
 NOBODY = np.zeros((0, 3, 4))
 SMALL = CameraPlan(width=64, height=64, fov=60)
 DULL = {"cloudiness": 0.0, "fog_density": 0.0, "wind_intensity": 0.0}
+
+
+Test = TypeVar("Test", bound=Callable[[], None])
+tested: set[str] = set()
+
+
+def effect_of(parameter: str) -> Callable[[Test], Test]:
+    """Mark the test of a parameter's effect; each parameter must have one."""
+    tested.add(parameter)
+    return lambda test: test
 
 
 def scene(*static: tuple[str, Mesh], floor: Surface = GREY) -> Renderer:
@@ -88,6 +99,7 @@ def far_contrast(weather: AppearancePlan) -> float:
     return (light - dark) / (light + dark)
 
 
+@effect_of("sun_azimuth_angle")
 @pytest.mark.slow
 def test_sun_azimuth_turns_shadows() -> None:
     pole = scene(("pole", box([-0.1, -0.1, 0], [0.1, 0.1, 2.0], GREY)))
@@ -103,6 +115,7 @@ def test_sun_azimuth_turns_shadows() -> None:
     assert len(set(angles)) == 5
 
 
+@effect_of("sun_altitude_angle")
 @pytest.mark.slow
 def test_a_lower_sun_casts_longer_shadows() -> None:
     pole = scene(("pole", box([-0.1, -0.1, 0], [0.1, 0.1, 2.0], GREY)))
@@ -124,6 +137,7 @@ def test_the_street_gets_darker_as_the_sun_sinks_until_lamps_light_it() -> None:
     assert lamp > 20.0 > light[-1].max() / np.median(light[-1])
 
 
+@effect_of("cloudiness")
 @pytest.mark.slow
 def test_clouds_soften_the_sun_and_hide_the_sky() -> None:
     pole = scene(("pole", box([-1, -1, 0], [1, 1, 4.0], GREY)))
@@ -139,6 +153,7 @@ def test_clouds_soften_the_sun_and_hide_the_sky() -> None:
     falls(blue)
 
 
+@effect_of("precipitation")
 @pytest.mark.slow
 def test_rain_lowers_contrast_and_adds_streaks() -> None:
     amounts = (0.0, 25.0, 50.0, 75.0, 100.0)
@@ -163,6 +178,7 @@ def test_rain_drops_fall_between_frames() -> None:
     assert 5 < int(np.argmax(matches)) < 45  # 0.2 m at a distance of 1.5 to 9 m; 300 pixels per metre at 1 m
 
 
+@effect_of("precipitation_deposits")
 def test_more_deposits_enlarge_puddles_that_stay_in_place() -> None:
     bright, dark = (
         scene(("wall", box([14, -40, 0.0], [15, 40, 12], surface)), floor=ROAD)
@@ -193,6 +209,7 @@ def _slant(picture: NDArray[np.float64]) -> float:
     return abs(0.5 * exact.atan2_deg(2.0 * cross, across - down))
 
 
+@effect_of("wind_intensity")
 @pytest.mark.slow
 def test_wind_slants_the_rain() -> None:
     wall = scene(("wall", box([40, -60, -1], [41, 60, 60], GREY)))
@@ -223,16 +240,19 @@ def test_wind_moves_leaves_but_no_label() -> None:
     rises(moved, 0.05)
 
 
+@effect_of("fog_density")
 @pytest.mark.slow
 def test_fog_hides_distant_surfaces() -> None:
     falls([far_contrast(plain(fog_density=fog)) for fog in (0.0, 25.0, 50.0, 75.0, 100.0)], 0.02)
 
 
+@effect_of("fog_distance")
 @pytest.mark.slow
 def test_fog_distance_keeps_near_surfaces_clear() -> None:
     rises([far_contrast(plain(fog_density=90.0, fog_distance=d)) for d in (0.0, 8.0, 20.0, 44.0)], 0.02)
 
 
+@effect_of("fog_falloff")
 def test_fog_falloff_thins_it_with_height() -> None:
     tower = scene(("wall", box([30, 0, 20], [31, 30, 60], GREY)), ("pole", box([30, -30, 20], [31, -0.01, 60], GREY)))
     contrasts = []
@@ -244,6 +264,7 @@ def test_fog_falloff_thins_it_with_height() -> None:
     rises(contrasts, 0.03)
 
 
+@effect_of("wetness")
 def test_wetness_makes_the_ground_darker_and_glossier() -> None:
     road = scene(floor=ROAD)
     below, gloss = [], []
@@ -256,6 +277,7 @@ def test_wetness_makes_the_ground_darker_and_glossier() -> None:
     rises([g / b for g, b in zip(gloss, below, strict=True)], 0.05)
 
 
+@effect_of("scattering_intensity")
 @pytest.mark.slow
 def test_scattering_makes_halos_around_the_sun_and_lamps_in_fog() -> None:
     lamp = Light((12.0, 0.0, 4.0), (0.0, 0.0, -1.0), (1.0, 0.8, 0.55), 1400.0, 0.25)
@@ -276,6 +298,7 @@ def test_scattering_makes_halos_around_the_sun_and_lamps_in_fog() -> None:
     )  # clear air scatters little
 
 
+@effect_of("mie_scattering_scale")
 @pytest.mark.slow
 def test_mie_scattering_concentrates_light_around_the_sun() -> None:
     values = (0.0, 0.03, 0.5, 2.0, 5.0)
@@ -285,6 +308,7 @@ def test_mie_scattering_concentrates_light_around_the_sun() -> None:
     falls([far_contrast(plain(mie_scattering_scale=v)) for v in values])
 
 
+@effect_of("rayleigh_scattering_scale")
 @pytest.mark.slow
 def test_rayleigh_scattering_makes_the_zenith_bluer_and_sunsets_redder() -> None:
     renderer = scene()
@@ -297,6 +321,7 @@ def test_rayleigh_scattering_makes_the_zenith_bluer_and_sunsets_redder() -> None
     rises([float(s[..., 0].mean() / s[..., 2].mean()) for s in sunsets])
 
 
+@effect_of("dust_storm")
 @pytest.mark.slow
 def test_dust_is_brown_and_hides_distant_surfaces() -> None:
     values = (0.0, 30.0, 60.0, 100.0)
@@ -305,26 +330,8 @@ def test_dust_is_brown_and_hides_distant_surfaces() -> None:
     rises([float(s[..., 0].mean() / s[..., 2].mean()) for s in skies], 0.05)
 
 
-TESTED: dict[str, Callable[[], None]] = {
-    "sun_azimuth_angle": test_sun_azimuth_turns_shadows,
-    "sun_altitude_angle": test_a_lower_sun_casts_longer_shadows,
-    "cloudiness": test_clouds_soften_the_sun_and_hide_the_sky,
-    "precipitation": test_rain_lowers_contrast_and_adds_streaks,
-    "precipitation_deposits": test_more_deposits_enlarge_puddles_that_stay_in_place,
-    "wind_intensity": test_wind_slants_the_rain,
-    "fog_density": test_fog_hides_distant_surfaces,
-    "fog_distance": test_fog_distance_keeps_near_surfaces_clear,
-    "fog_falloff": test_fog_falloff_thins_it_with_height,
-    "wetness": test_wetness_makes_the_ground_darker_and_glossier,
-    "scattering_intensity": test_scattering_makes_halos_around_the_sun_and_lamps_in_fog,
-    "mie_scattering_scale": test_mie_scattering_concentrates_light_around_the_sun,
-    "rayleigh_scattering_scale": test_rayleigh_scattering_makes_the_zenith_bluer_and_sunsets_redder,
-    "dust_storm": test_dust_is_brown_and_hides_distant_surfaces,
-}
-
-
 def test_every_parameter_has_a_test() -> None:
-    assert set(TESTED) == set(PARAMETERS)
+    assert tested == set(PARAMETERS)
 
 
 @pytest.mark.slow
