@@ -7,13 +7,14 @@ declares. `tests/test_tables_of_docs.py` fails if a page is not current.
 
 from __future__ import annotations
 
+import json
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from recipe_compiler.ir.weather import PARAMETERS
-from recipe_compiler.library import weather
+from recipe_compiler.library import towns, weather
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -62,8 +63,22 @@ def weather_parameters() -> str:
     return table(("parameter", "range", "unset", "effect on a picture"), rows)
 
 
+def town_table() -> str:
+    """Return the table of towns with their parameters."""
+
+    def parameters(name: str) -> str:
+        return "; ".join(
+            f"`{key}`: {p.description}, {p.low} to {p.high}, `{json.dumps(p.default)}`"
+            for key, p in towns.TOWNS[name].PARAMETERS.items()
+        )
+
+    rows = ((f"`{name}`", towns.TOWNS[name].SUMMARY, parameters(name)) for name in towns.NAMES)
+    return table(("town", "content", "parameters, with range and default"), rows)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "presets": presets,
+    "towns": town_table,
     "weather_parameters": weather_parameters,
 }
 """Name -> function that returns the text of the part."""

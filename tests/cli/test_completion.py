@@ -11,6 +11,7 @@ import click
 import pytest
 from click.shell_completion import ShellComplete
 from recipe_cli.main import recipe
+from recipe_compiler.library import towns
 
 from tests.cli.test_commands import RECIPE
 
@@ -45,8 +46,8 @@ def completed(*words: str) -> list[str]:
         (("shot", "small.yaml", "--device", "cp"), ["cpu"]),
         (("verify", "small.yaml", "--device", "cud"), ["cuda"]),
         (("shot", "gone.yaml", "--variant", ""), []),
-        (("shot", "--map", "s"), ["small.yaml", "suburb"]),
-        (("surfaces", "s"), ["small.yaml", "suburb"]),
+        (("shot", "--map", "s"), ["small.yaml", *(town for town in towns.NAMES if town.startswith("s"))]),
+        (("surfaces", "sub"), ["suburb"]),
         (("surfaces", "vehicle.sedan."), ["vehicle.sedan.a", "vehicle.sedan.b", "vehicle.sedan.taxi"]),
     ],
 )

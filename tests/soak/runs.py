@@ -1,4 +1,4 @@
-"""The runs: four towns, two densities, three seeds, 150 s each."""
+"""The runs: all towns, two densities, three seeds, 150 s each."""
 
 from __future__ import annotations
 
@@ -9,17 +9,13 @@ from typing import Any
 
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.plan import ScenePlan
+from recipe_compiler.library import towns
 from recipe_runtime.simulation.process import simulate
 
 from tests.soak.measures import Measures, measure
 
 SECONDS, FPS = 150, 10
-TOWNS: dict[str, dict[str, Any]] = {
-    "downtown": {"name": "downtown"},
-    "suburb": {"name": "suburb"},
-    "plaza": {"name": "plaza"},
-    "highway": {"name": "highway"},
-}
+TOWNS: dict[str, dict[str, Any]] = {name: {"name": name} for name in towns.NAMES}
 LARGER: dict[str, dict[str, Any]] = {"plaza": {"name": "plaza", "size": [120, 100]}}
 """Towns in which sixty vehicles find a place."""
 COUNTS, SEEDS = (30, 60), (1, 2, 3)

@@ -41,12 +41,12 @@ def unknown_town(base: Value) -> Iterator[Problem]:
         message, place = f"town: unknown town {show(name)}", base.place_of("town", "name")
         yield Problem(message, place, remedies.of_text(name) or nearest(name, towns.NAMES), Code.UNKNOWN_NAME)
         return
-    declared = towns.PARAMETERS[name]
+    declared = towns.TOWNS[name].PARAMETERS
     for key, value in spec.map.items():
         if key in Town.model_fields:
             continue
         if key not in declared:
-            others = [town for town in towns.NAMES if key in towns.PARAMETERS[town]]
+            others = [town for town in towns.NAMES if key in towns.TOWNS[town].PARAMETERS]
             remedy = nearest(key, [*Town.model_fields, *declared])
             if others:
                 remedy = f"remove it: it is a parameter of {' and '.join(others)}"

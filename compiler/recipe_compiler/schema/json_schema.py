@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.library import weather
+from recipe_compiler.library import towns, weather
 from recipe_compiler.schema.fields import NAME
 from recipe_compiler.schema.recipe import Base, Recipe
 from recipe_compiler.source.yaml_reader import parse
@@ -102,4 +102,5 @@ def template(name: str) -> str:
     bare = (
         plain is not None and not problems and plain.plain == {"recipe": name}
     )  # unlike `no` or `12`, which need quotes
+    text = text.replace("TOWNS", ", ".join(towns.NAMES))
     return text.replace("recipe: my_dataset  ", f"recipe: {name if bare else json.dumps(name)} ".ljust(20))

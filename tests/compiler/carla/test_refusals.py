@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from recipe_compiler.carla import File, Outcome, import_configurations
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.library import towns
 
 CAMERA = "  - blueprint: {name: sensor.camera.rgb}\n"
 HEAD = "max_frames: 3\nspawn_actors:\n"
@@ -46,7 +47,7 @@ REFUSED = {
     "town": (
         HEAD + CAMERA + "carla: {townmap: Atlantis}\n",
         "config.yaml:4:9: carla.townmap: CARLA has no town 'Atlantis'; write one of Town01 to Town07,"
-        " Town10HD, Town11, Town12, Town13, Town15, or choose one of downtown, highway, plaza, suburb in the command",
+        f" Town10HD, Town11, Town12, Town13, Town15, or choose one of {', '.join(towns.NAMES)} in the command",
     ),
     "actors are a number": (
         "max_frames: 3\nspawn_actors: 4\n",

@@ -14,12 +14,7 @@ from recipe_compiler.ir.plan_types import MAX_ELEMENTS
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.towns import palettes
 
-LARGEST = [
-    ("downtown", {"blocks": (9, 9), "storeys": (2, 16)}),
-    ("suburb", {"blocks": (6, 6), "lot": 16, "trees": 100}),
-    ("highway", {"lanes": 5, "length": 20, "gantries": 150}),
-    ("plaza", {"size": (120, 120), "storeys": 8, "trees": 100}),
-]
+from tests.compiler.library.test_towns import extreme
 
 
 def parameters(name: str) -> st.SearchStrategy[dict[str, Any]]:
@@ -30,7 +25,7 @@ def parameters(name: str) -> st.SearchStrategy[dict[str, Any]]:
         several = st.lists(number, min_size=parameter.length, max_size=parameter.length)
         return several.map(lambda values: tuple(sorted(values) if parameter.rising else values))
 
-    return st.fixed_dictionaries({key: one(parameter) for key, parameter in towns.PARAMETERS[name].items()})
+    return st.fixed_dictionaries({key: one(parameter) for key, parameter in towns.TOWNS[name].PARAMETERS.items()})
 
 
 CASES = st.sampled_from(towns.NAMES).flatmap(lambda name: st.tuples(st.just(name), parameters(name)))
@@ -44,13 +39,9 @@ def test_every_town_is_within_the_tables(case: tuple[str, dict[str, Any]], seed:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "values"), LARGEST, ids=[name for name, _ in LARGEST])
-def test_the_largest_town_is_within_the_tables(name: str, values: dict[str, Any]) -> None:
-    values = {key: values[key] for key in towns.PARAMETERS[name]}
-    for key, parameter in towns.PARAMETERS[name].items():  # the case above is the largest that the language allows
-        high = values[key] if parameter.length is None else max(values[key])
-        assert key in ("gantries", "lot") or high == parameter.high
-    elements = towns.build(name, 3, values).plan.elements
+@pytest.mark.parametrize("name", towns.NAMES)
+def test_the_largest_town_is_within_the_tables(name: str) -> None:
+    elements = towns.build(name, 3, extreme(name, largest=True)).plan.elements
     assert list(plan_bounds.town_faults(elements)) == []
     assert len(elements) <= MAX_ELEMENTS
 

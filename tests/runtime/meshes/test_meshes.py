@@ -147,19 +147,11 @@ def test_town() -> None:
 
 
 @pytest.mark.slow
-def test_town_stays_within_a_budget_of_triangles() -> None:
-    full = town_bodies(towns.build("downtown", 0, {"blocks": [3, 3]}).plan)
-    assert 40_000 < sum(len(body.mesh("static").triangles) for body in full) < 260_000
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "most"), [("downtown", 260_000), ("suburb", 300_000), ("plaza", 110_000), ("highway", 190_000)]
-)
-def test_every_town_has_valid_tags_colours_and_a_budget(name: str, most: int) -> None:
+@pytest.mark.parametrize("name", towns.NAMES)
+def test_every_town_has_valid_tags_colours_and_a_budget(name: str) -> None:
     town = towns.build(name, 0, {})
     bodies = town_bodies(town.plan)
-    assert sum(len(body.mesh("static").triangles) for body in bodies) < most
+    assert sum(len(body.mesh("static").triangles) for body in bodies) < 300_000
     for body in bodies:
         surfaces = body.mesh("static").surfaces
         assert {s.tag for s in surfaces} <= set(Tag)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose, Sun
-from recipe_compiler.library import blueprints
+from recipe_compiler.library import blueprints, towns
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
@@ -36,7 +36,7 @@ WEATHERS: dict[str, dict[str, float]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("town", ["downtown", "suburb", "plaza", "highway"])
+@pytest.mark.parametrize("town", towns.NAMES)
 def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
     variant = compiled(ROOT / f"recipes/towns/{town}.yaml").variants[0]
     sensor = variant.rig.sensors[0]

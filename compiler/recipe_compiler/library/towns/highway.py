@@ -24,6 +24,10 @@ STRETCH = 48.0  # length of one element of carriageway and guard rail
 BEYOND = 288.0  # length of the road beyond both ends of its middle part
 PATH = 8.0  # from the edge of the asphalt to the middle of the footpath
 
+SUMMARY = (
+    "a motorway along y, with a median barrier at x = 0, gantries and a footpath beside it; faster "
+    "traffic, no bicycles, no parking"
+)
 PARAMETERS: dict[str, Parameter] = {
     "lanes": Parameter(2, 5, 3, "lanes in each direction"),
     "length": Parameter(2, 20, 6, "length of the section where traffic may start, in hundreds of metres"),

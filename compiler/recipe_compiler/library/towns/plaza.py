@@ -20,6 +20,7 @@ from recipe_compiler.library.towns.town import Parameter, SpawnPoint, Town
 
 EDGE = 29.3  # distance from the streets' centre lines to the outer edge of the blocks beyond them, metres
 
+SUMMARY = "a paved square around the origin with a fountain, which people cross; shops and parking around it"
 PARAMETERS: dict[str, Parameter] = {
     "size": Parameter(40, 120, (64, 52), "size of the square along x and along y, metres", 2),
     "storeys": Parameter(2, 8, 4, "storeys of the surrounding buildings"),

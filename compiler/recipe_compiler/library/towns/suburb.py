@@ -19,6 +19,7 @@ VERGE, PAVED = 2.2, 5.0  # from the kerb to the near and to the far edge of the 
 GARDEN = 5.9  # from the kerb to the front fence
 FRONT = 11.5  # from the kerb to the house
 
+SUMMARY = "houses in gardens, hedges and fences, driveways for parking; the main street is along y at x = 0"
 PARAMETERS: dict[str, Parameter] = {
     "blocks": Parameter(1, 6, (2, 2), "blocks along x and along y", 2),
     "lot": Parameter(16, 40, 22, "width of a lot in metres"),

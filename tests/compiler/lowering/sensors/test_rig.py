@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.library import towns
 from recipe_compiler.lowering.traffic import built
 from recipe_compiler.schema.tick import interval_of, nearest_ticks
 
@@ -124,7 +125,7 @@ def test_a_tick_longer_than_the_clip_causes_a_warning() -> None:
     assert warning.message == "sensors.drone.tick: the clip is over before a second picture"
 
 
-@pytest.mark.parametrize("town", ["highway", "downtown", "suburb", "plaza"])
+@pytest.mark.parametrize("town", towns.NAMES)
 def test_a_route_along_a_road_starts_on_one(town: str) -> None:
     recipe = small(town=town, traffic={}, actors={})
     motion = {"route": {"road": True, "speed": 9}}
