@@ -51,7 +51,8 @@ _PAINT = (
 )  # fmt: skip
 
 CROPPED, SHORT, LONG, TIED, CAP, BEANIE, CYCLIST, FULL = range(8)  # hair and hats
-BACKPACK, SATCHEL = 1, 2
+BACKPACK = 1
+SATCHEL = 2
 
 
 def _person(

@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping
 from recipe_compiler.ir.plan import ActorPlan
 from recipe_compiler.library.surfaces.surface import BoxSide, FlatSurface, Surface, Vec, sides, texture_map
 
-_PAINT, _SHIRT = ("paint",), ("shirt",)
+_PAINT = ("paint",)
+_SHIRT = ("shirt",)
 _ROUND = ("front", "rear", "left", "right")
 _REACH = 0.35  # metres from a rectangle's plane within which a body shows a patch: bodies are curved
 

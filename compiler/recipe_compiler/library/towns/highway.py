@@ -18,7 +18,10 @@ from recipe_compiler.library.towns.site import Site, beside, ground
 from recipe_compiler.library.towns.streets import until
 from recipe_compiler.library.towns.town import Parameter, Span, SpawnPoint, Town
 
-LANE, SHOULDER, STRIP, MEDIAN = 3.6, 2.6, 0.8, 1.5  # widths; MEDIAN is half the median's width
+LANE = 3.6  # width
+SHOULDER = 2.6  # width
+STRIP = 0.8  # width
+MEDIAN = 1.5  # half the median's width
 LIMIT = 120  # speed limit, km/h
 STRETCH = 48.0  # length of one element of carriageway and guard rail
 BEYOND = 288.0  # length of the road beyond both ends of its middle part

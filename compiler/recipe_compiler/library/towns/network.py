@@ -148,7 +148,9 @@ def _post(site: Site, name: str, pose: Pose, face: str, value: int = 0) -> None:
     site.add(name, "sign", raised, (0.1, across, height), face=FACES[face], value=value)
 
 
-CYCLE, GREEN, AMBER = 44.0, 18.0, 3.0  # seconds; the rest of half a cycle is red for all
+CYCLE = 44.0  # seconds; green and amber leave a part of each half, which is red for all
+GREEN = 18.0  # seconds
+AMBER = 3.0  # seconds
 
 
 def _times(site: Site, junction: str, along_y: bool) -> dict[str, float]:

@@ -10,7 +10,9 @@ _BRICK_TO_PLASTER = (
 _LEAVES = ("#51603a", "#586840", "#4b5a38", "#616b44", "#686c48")
 _ASPHALTS = ("#626366", "#5d5e61", "#686867")
 _PATCHES = ("#55565a", "#6f6f6e", "#505154")
-_TAR, _IRON, _PAINT = ("#3a3b3d",), ("#5a5552",), ("#dcdcd6",)
+_TAR = ("#3a3b3d",)
+_IRON = ("#5a5552",)
+_PAINT = ("#dcdcd6",)
 _SIGN = {"red": ("#b3201f",), "white": ("#e6e6e2",), "blue": ("#1f4f93",), "black": ("#161616",)}
 
 PALETTES: dict[str, dict[str, tuple[str, ...]]] = {

@@ -9,7 +9,8 @@ from recipe_compiler.ir.plan import Point, Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.streets import SIDE, XY, StreetGrid, until
 
-CELL, HEART = 6.0, 10.0  # distance between lattice lines, and between the two on either side of the middle; metres
+CELL = 6.0  # distance between lattice lines, metres
+HEART = 10.0  # distance between the two lattice lines on either side of the middle, metres
 
 
 def lines(half: float) -> tuple[float, ...]:

@@ -15,7 +15,8 @@ from recipe_compiler.library.towns.town import Parameter, Town
 
 PITCH = (78.0, 108.0)  # distance between the centre lines of neighbouring streets, along x and along y
 EDGE = 39.0  # distance from the outermost streets' centre lines to the outer edge of the blocks beyond them
-VERGE, PAVED = 2.2, 5.0  # from the kerb to the near and to the far edge of the pavement
+VERGE = 2.2  # from the kerb to the near edge of the pavement
+PAVED = 5.0  # from the kerb to the far edge of the pavement
 GARDEN = 5.9  # from the kerb to the front fence
 FRONT = 11.5  # from the kerb to the house
 
