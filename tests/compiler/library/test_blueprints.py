@@ -12,12 +12,10 @@ def test_the_library_is_sorted_and_unique() -> None:
     assert ids == sorted(set(ids))
 
 
-@pytest.mark.parametrize(
-    ("glob", "count"),
-    [("walker.pedestrian.*", 20), ("vehicle.*", 19), ("vehicle.bus.*", 2), ("VEHICLE.*", 0), ("*", 39)],
-)
-def test_globs(glob: str, count: int) -> None:
-    assert len(match(glob)) == count
+@pytest.mark.parametrize("family", ["walker.pedestrian.", "vehicle.", "vehicle.bus.", ""])
+def test_a_glob_matches_a_family(family: str) -> None:
+    assert match(f"{family}*") == tuple(b for b in LIBRARY if b.id.startswith(family)) != ()
+    assert match("VEHICLE.*") == ()
 
 
 def test_tags_are_carlas() -> None:
