@@ -192,7 +192,7 @@ def test_children_are_imported_as_children() -> None:
 
 def test_every_town_of_carla_has_a_counterpart() -> None:
     matches = [towns.closest_match(name) for name in ("Town01", "Town03_Opt", "/Game/Carla/Maps/Town04", "Town15")]
-    assert {match[0] for match in matches if match is not None} == set(NAMES)
+    assert {match and match[0] for match in matches} <= set(NAMES)
     assert towns.closest_match("Atlantis") is None
 
 
