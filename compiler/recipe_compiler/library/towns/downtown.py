@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns import network
-from recipe_compiler.library.towns.network import WALK, Block
+from recipe_compiler.library.towns.network import Block
 from recipe_compiler.library.towns.rows import Manner, close_yards, row
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
-from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, StreetGrid
+from recipe_compiler.library.towns.streets import BAY, StreetGrid
 from recipe_compiler.library.towns.town import Parameter, Town
 
 PITCH = 72.0  # distance between the centre lines of neighbouring streets
@@ -47,9 +47,7 @@ def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> To
     network.roads(site, streets, 30)
     yards = []
     for block in network.blocks(streets):
-        size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)
-        flat = Pose(x=block.middle.x, y=block.middle.y)
-        site.add(f"sidewalk.{block.name}", "sidewalk", flat, size, radius=CORNER, walk=WALK, verge=0.0, paved=0)
+        network.sidewalk(site, block)
         for yaw in block.sides:
             yard = row(site, block, yaw, manner)
             yards += [yard] if yard else []

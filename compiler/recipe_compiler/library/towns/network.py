@@ -98,6 +98,22 @@ def roads(site: Site, streets: StreetGrid, limit: int) -> None:
             )  # fmt: skip
 
 
+def sidewalk(site: Site, block: Block, walk: float = WALK, verge: float = 0.0, *, paved: bool = False) -> None:
+    """Add the raised ground of a block: its sidewalks and what they surround.
+
+    Args:
+        site: the element is added to it.
+        block: the block.
+        walk: width of the sidewalks, metres.
+        verge: width of the grass between kerb and pavement, metres.
+        paved: whether what they surround is paved.
+    """
+    size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)
+    flat = Pose(x=block.middle.x, y=block.middle.y)
+    shape = {"radius": CORNER, "walk": walk, "verge": verge, "paved": int(paved)}
+    site.add(f"sidewalk.{block.name}", "sidewalk", flat, size, **shape)
+
+
 def _street(site: Site, streets: StreetGrid, n: int, along_y: bool, limit: int) -> None:
     """Add all sections of one street with parking signs, and a guard rail across each of its two dead ends."""
     lines, across = (streets.ys, streets.xs[n]) if along_y else (streets.xs, streets.ys[n])
@@ -184,16 +200,9 @@ def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> No
                 heading, name = Pose(x=x, y=y, z=KERB, yaw=yaw), f"{i}.{j}.{yaw}"
                 corner = beside(heading, -(ahead + SIDE + 2.0), -(aside + 0.45), 180.0)
                 if i == main:
+                    times = _times(site, f"{i}.{j}", along_y)
                     arm = aside - LANE / 2 + 0.45
-                    size = (0.26, 0.26, 5.6)
-                    site.add(
-                        f"traffic_light.{name}",
-                        "traffic_light",
-                        corner,
-                        size,
-                        arm=arm,
-                        **_times(site, f"{i}.{j}", along_y),
-                    )
+                    site.add(f"traffic_light.{name}", "traffic_light", corner, (0.26, 0.26, 5.6), arm=arm, **times)
                 elif not along_y and _arms(streets, (i, j)) > 2:
                     _post(site, f"sign.stop.{name}", corner, "stop")
                 elif site.chance(0.5, "sign", name):

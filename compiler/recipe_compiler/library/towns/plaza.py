@@ -15,7 +15,7 @@ from recipe_compiler.library.towns.network import WALK, Block
 from recipe_compiler.library.towns.rows import Manner, row
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.square import SquareGrid, lines
-from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE
+from recipe_compiler.library.towns.streets import BAY, KERB, LANE
 from recipe_compiler.library.towns.town import Parameter, SpawnPoint, Town
 
 EDGE = 29.3  # distance from the streets' centre lines to the outer edge of the blocks beyond them, metres
@@ -45,19 +45,7 @@ def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town
     manner = Manner((storeys, storeys), (5, 5, 1), 0.6, 1.0, 0.15, alike=True, yards=False)
     for block in network.blocks(streets):
         inner = block.name == "0.0"
-        flat = Pose(x=block.middle.x, y=block.middle.y)
-        block_size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)
-        walk = 2.0 if inner else WALK
-        site.add(
-            f"sidewalk.{block.name}",
-            "sidewalk",
-            flat,
-            block_size,
-            radius=CORNER,
-            walk=walk,
-            verge=0.0,
-            paved=int(inner),
-        )
+        network.sidewalk(site, block, 2.0 if inner else WALK, paved=inner)
         if not inner:
             for yaw in block.sides:
                 row(site, block, yaw, manner)

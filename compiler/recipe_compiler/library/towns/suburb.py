@@ -10,7 +10,7 @@ from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns import network
 from recipe_compiler.library.towns.network import Block
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
-from recipe_compiler.library.towns.streets import CORNER, KERB, StreetGrid
+from recipe_compiler.library.towns.streets import KERB, StreetGrid
 from recipe_compiler.library.towns.town import Parameter, Town
 
 PITCH = (78.0, 108.0)  # distance between the centre lines of neighbouring streets, along x and along y
@@ -45,11 +45,7 @@ def build(seed: int, *, blocks: tuple[int, int], lot: int, trees: int) -> Town:
     ground(site, middle)
     network.roads(site, streets, 30)
     for block in network.blocks(streets):
-        size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)
-        flat = Pose(x=block.middle.x, y=block.middle.y)
-        site.add(
-            f"sidewalk.{block.name}", "sidewalk", flat, size, radius=CORNER, walk=PAVED - 0.5, verge=VERGE, paved=0
-        )
+        network.sidewalk(site, block, PAVED - 0.5, VERGE)
         for yaw in block.sides:
             _verge(site, block, yaw, trees)
             if yaw in (0, 180):
