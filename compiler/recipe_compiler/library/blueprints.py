@@ -55,25 +55,19 @@ BACKPACK = 1
 SATCHEL = 2
 
 
-def _person(
-    *,
-    shoulder: float = 1.0,
-    girth: float = 1.0,
-    hair: int = SHORT,
-    sleeves: int = 1,
-    legs: int = 1,
-    coat: float = 0.0,
-    head: float = 1.0,
-    limb: float = 1.0,
-    bag: int = 0,
-) -> dict[str, float]:
-    """Return the shape parameters of a person.
-
-    `shoulder` and `girth` scale the average build for a height; `head` and `limb` scale an adult's head and legs.
-    `coat` lowers the hem, in metres. sleeves: 0 short, 1 long. legs: 0 shorts, 1 trousers, 2 skirt.
-    """
-    shape = {"shoulder": shoulder, "girth": girth, "hair": hair, "sleeves": sleeves, "legs": legs, "coat": coat}
-    return {key: float(value) for key, value in (shape | {"head": head, "limb": limb, "bag": bag}).items()}
+# The shape of a person. `shoulder` and `girth` scale the average build for a height; `head` and `limb` scale an adult's
+# head and legs. `coat` lowers the hem, in metres. sleeves: 0 short, 1 long. legs: 0 shorts, 1 trousers, 2 skirt.
+_PERSON = {
+    "shoulder": 1.0,
+    "girth": 1.0,
+    "hair": float(SHORT),
+    "sleeves": 1.0,
+    "legs": 1.0,
+    "coat": 0.0,
+    "head": 1.0,
+    "limb": 1.0,
+    "bag": 0.0,
+}
 
 
 def _clothing(child: bool, hats: tuple[str, ...], person: Mapping[str, float]) -> Palette:
@@ -93,14 +87,14 @@ def _clothing(child: bool, hats: tuple[str, ...], person: Mapping[str, float]) -
 
 
 def _walker(number: int, height: float, speed: float = 1.4, **person: float) -> Blueprint:
-    """Return a pedestrian with a height in metres; below `_GROWN`, a child."""
+    """Return a pedestrian with a height in metres, a child below `_GROWN`; `person` overrides values of `_PERSON`."""
     child = height < _GROWN
-    shape = _person(**person)  # type: ignore[arg-type]
+    shape = _numbers({"height": height}, _PERSON, person)
     return Blueprint(
         f"walker.pedestrian.{number:04d}",
         "pedestrian",
         Tag.PEDESTRIAN.value,
-        {"height": height} | shape,
+        shape,
         _clothing(child, _HATS, shape),
         speed,
         {"generation": "child" if child else "adult"},
@@ -120,44 +114,30 @@ def _coloured(paint: tuple[str, ...]) -> Palette:
     }
 
 
+def _numbers(*parts: Mapping[str, float]) -> dict[str, float]:
+    """Return the parts of a shape as one; later values replace earlier ones."""
+    return {key: float(value) for part in parts for key, value in part.items()}
+
+
+def _body(name: str, size: tuple[float, float, float]) -> dict[str, float]:
+    return {"body": BODIES.index(name.split(".")[0]), "length": size[0], "width": size[1], "height": size[2]}
+
+
 def _vehicle(
-    name: str,
-    size: tuple[float, float, float],
-    *,
-    wheelbase: float,
-    wheel: float,
-    clearance: float,
-    speed: float = 9.0,
-    paint: tuple[str, ...] = _PAINT,
-    spokes: int = 5,
-    blind: bool = False,
-    sign: float = 0.0,
+    name: str, size: tuple[float, float, float], *, speed: float = 9.0, paint: tuple[str, ...] = _PAINT, **shape: float
 ) -> Blueprint:
     """Return a vehicle.
 
     Args:
         name: the blueprint's id without `vehicle.`.
         size: length, width and height, metres.
-        wheelbase: metres.
-        wheel: radius of the wheels, metres.
-        clearance: ground clearance, metres.
         speed: default speed, m/s.
         paint: colours to draw from.
-        spokes: number of spokes of a rim.
-        blind: whether a van has no rear windows.
-        sign: height of a taxi's lit roof sign, metres; 0: none.
+        shape: `wheelbase`, radius of a `wheel` and ground `clearance`, metres; number of `spokes` of a rim; `blind`: 1
+            for a van without rear windows; `sign`: height of a taxi's lit roof sign, metres.
     """
     kind, _, _ = name.partition(".")
-    shape = {"body": BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
-    shape |= {
-        "wheelbase": wheelbase,
-        "wheel": wheel,
-        "clearance": clearance,
-        "spokes": spokes,
-        "blind": blind,
-        "sign": sign,
-    }
-    numbers = {key: float(value) for key, value in shape.items()}
+    numbers = _numbers(_body(name, size), {"spokes": 5, "blind": 0, "sign": 0}, shape)
     base = kind if kind in ("van", "truck", "bus") else "car"
     attributes = {"base_type": base, "number_of_wheels": "4"}
     tag = BODY_TAGS[kind].value
@@ -165,21 +145,14 @@ def _vehicle(
 
 
 def _twowheeler(
-    name: str,
-    size: tuple[float, float, float],
-    *,
-    wheelbase: float,
-    wheel: float,
-    rider: float,
-    speed: float,
-    paint: tuple[str, ...],
-    **person: float,
+    name: str, size: tuple[float, float, float], *, speed: float, paint: tuple[str, ...], rider: float, **shape: float
 ) -> Blueprint:
-    """Return a two-wheeler with a rider `rider` metres tall; the size includes both."""
+    """Return a two-wheeler with a rider `rider` metres tall; the size includes both.
+
+    `shape` has `wheelbase` and the radius of a `wheel`, metres, and overrides values of `_PERSON`.
+    """
     kind, _, _ = name.partition(".")
-    shape = {"body": BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
-    shape |= {"wheelbase": wheelbase, "wheel": wheel, "clearance": 0.15, "rider": rider}
-    numbers = {key: float(value) for key, value in shape.items()} | _person(**person)  # type: ignore[arg-type]
+    numbers = _numbers(_body(name, size), {"clearance": 0.15, "rider": rider}, _PERSON, shape)
     palette = _clothing(rider < _GROWN, _HELMETS, numbers) | _coloured(paint)
     for absent in ("glass",) if kind == "motorcycle" else ("glass", "plate"):
         del palette[absent]
