@@ -131,7 +131,8 @@ def test_a_missing_target_of_verify_has_a_fitting_remedy(tmp_path: Path) -> None
     (tmp_path / "lockfiles").mkdir()
     (tmp_path / "lockfiles" / "mine.lock").write_text("")
     for target, remedy in (
-        ("datasets/mine", "`recipe build` makes one"),
+        ("datasets/mine", "did you mean lockfiles/mine.lock?"),
+        ("datasets/other", "`recipe build` makes one"),
         ("mine.lock", "did you mean lockfiles/mine.lock?"),
         ("other.lock", "`recipe lock RECIPE` writes one"),
         ("other.yaml", "`recipe init` writes a recipe"),

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from recipe_compiler.estimate import FRAME_LIMIT, TooLargeError
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir.errors import Place
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
@@ -131,7 +132,7 @@ class Counts:
         cap, total = CAPS[name], self._totals[name]
         if total <= cap.most:
             return
-        some = f" in the first {self._number:,} of {self._variants:,} variants" if self._variants > 1 else ""
+        some = f" in the first {self._number:,} of {count(self._variants, 'variant')}" if self._variants > 1 else ""
         place = self._root.place_of(*cap.path) if amount > self._variants else place_of_variants(self._root)
         raise TooLargeError(place, [f"{total:,} {cap.what}{some} are over {cap.most:,}"], self._variants)
 
