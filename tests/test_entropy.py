@@ -14,7 +14,7 @@ from tests.sources import PACKAGES, imports, modules, walk
 
 BANNED_IMPORTS = {"random", "secrets", "uuid", "datetime", "time", "socket", "getpass"}
 ALLOWED_IMPORTS = {
-    ("recipe_runtime/core/nonce.py", "secrets"): "the verifier's nonce, the only use of entropy",
+    ("recipe_runtime/core/host.py", "secrets"): "the verifier's nonce, the only use of entropy",
     ("recipe_runtime/core/timings.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build/pipeline.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build/ray.py", "socket"): "whether a Ray cluster answers",

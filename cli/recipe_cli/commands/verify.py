@@ -103,7 +103,7 @@ def command(
     one is inconclusive, else 0.
     """
     from recipe_compiler.ir.errors import Code, InputError, Problem, RunError
-    from recipe_runtime.core.nonce import fresh_nonce
+    from recipe_runtime.core.host import fresh_nonce
     from recipe_runtime.verify.verify import Options
 
     _check_options(targets, against, integrity=integrity, everything=everything, frames=frames)

@@ -13,7 +13,7 @@ from recipe_compiler.ir.errors import RecipeError
 
 from recipe_runtime.cache.store import create_cache_folder
 from recipe_runtime.core.files import open_no_follow
-from recipe_runtime.core.nonce import fresh_key
+from recipe_runtime.core.host import fresh_key
 
 KEY = "journal-key"
 _BYTES = 32

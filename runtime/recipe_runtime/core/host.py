@@ -1,4 +1,4 @@
-"""Properties of this host: those that may affect bytes, and its memory.
+"""Properties of this host: those that may affect bytes, its memory, and its source of entropy.
 
 Memory available to a process is the machine's, limited by its control groups and by the process' own limits.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import platform
 import resource
+import secrets
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -115,3 +116,13 @@ def _limit(file: Path) -> Iterator[int]:
         return
     if text.isdigit() and int(text) < _UNLIMITED:
         yield int(text)
+
+
+def fresh_nonce() -> int:
+    """Return a number that the author of a dataset could not have predicted; no byte of a dataset depends on it."""
+    return secrets.randbits(53)
+
+
+def fresh_key() -> bytes:
+    """Return a secret that seals what only this host may have written."""
+    return secrets.token_bytes(32)

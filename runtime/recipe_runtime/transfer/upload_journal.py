@@ -12,7 +12,7 @@ from pathlib import Path
 from recipe_compiler.ir.bounded_reads import open_regular
 
 from recipe_runtime.core.files import host_errors, write_atomic
-from recipe_runtime.core.nonce import fresh_nonce
+from recipe_runtime.core.host import fresh_nonce
 from recipe_runtime.dataset.plan_checks import MAX_FILES
 
 Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256

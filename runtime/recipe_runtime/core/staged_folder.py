@@ -1,0 +1,297 @@
+"""A folder that is written next to its place and put there by one rename: a dataset, an export, a local upload.
+
+    .NAME.partial/
+        work.txt     the recipe and the key of the work; marks the folder as one of these
+        dataset/     the files written so far
+        old/         the replaced folder, between two renames
+        removed/     the replaced folder, while it is deleted
+
+Nothing is destroyed that this program did not make. A replaced folder is deleted only if it holds no files but those
+of its index, unchanged; otherwise it stays as `NAME.replaced`. A process may be killed at any point: the next one that
+uses the work folder, or `settle`, moves the old folder back, or completes the replacement.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import itertools
+import os
+import stat
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from recipe_compiler.ir.errors import Code, InputError, RunError
+
+from recipe_runtime.core.files import (
+    entries_below,
+    file_sha256,
+    holds_current_folder,
+    is_folder,
+    make_folder,
+    open_folder,
+    regular_file,
+    remove_tree,
+)
+
+_MARKER = "work.txt"
+
+
+@dataclass(frozen=True)
+class Index:
+    """The file by which a kind of folder lists its other files.
+
+    Attributes:
+        name: the file's name.
+        read: returns size in bytes and SHA-256 of each file of a folder, by path; None if it has no valid index.
+    """
+
+    name: str
+    read: Callable[[Path], Mapping[str, tuple[int, str]] | None]
+
+
+def ignore(notice: str) -> None:
+    """Take a notice, and do nothing."""
+
+
+def check_place(out: Path) -> None:
+    """Check that a folder can be put at a path by a rename, or in place of the folder there.
+
+    Raises:
+        InputError: a file or a link is there or above it, or the path is a mount point, or the current folder or above.
+    """
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
+    above = next((folder for folder in out.absolute().parents if os.path.lexists(folder)), None)
+    if above is not None and not above.is_dir():
+        what = "a symbolic link that leads to no folder" if above.is_symlink() else "a file"
+        raise InputError(f"{out}: {above} is {what}", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
+    if out.is_mount():
+        remedy = f"choose a folder in it, such as {out / 'dataset'}"
+        raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+    if holds_current_folder(out):
+        raise InputError(
+            f"{out} is the current folder or contains it, and that cannot be replaced",
+            help="change to another folder, or choose another one",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+
+
+def is_free(out: Path) -> bool:
+    """Return whether nothing is at a path, or an empty folder."""
+    return not os.path.lexists(out) or (is_folder(out) and not any(out.iterdir()))
+
+
+def holds_only(folder: Path, index: Index) -> bool:
+    """Return whether a folder holds no files but those of its index, unchanged; some may be missing.
+
+    A file is unchanged if it has the listed size and is not newer than the index, which is written last, or has the
+    listed SHA-256.
+    """
+    try:
+        rows, written = index.read(folder) or {}, regular_file(folder, index.name)
+        return all(
+            is_folder(path) or _is_listed(path, path.relative_to(folder).as_posix(), index, rows, written)
+            for path in entries_below(folder)
+        )
+    except (OSError, ValueError, InputError):  # it cannot be read, so nothing is known of it
+        return False
+
+
+def _is_listed(
+    path: Path, name: str, index: Index, rows: Mapping[str, tuple[int, str]], written: os.stat_result | None
+) -> bool:
+    if written is None or not stat.S_ISREG((found := path.lstat()).st_mode):
+        return False
+    if name == index.name:
+        return bool(rows)
+    size, sha256 = rows.get(name, (-1, ""))
+    return found.st_size == size and (found.st_mtime_ns <= written.st_mtime_ns or file_sha256(path) == sha256)
+
+
+class StagedFolder:
+    """The work folder of an output; a context manager that holds its lock.
+
+    The work stays after an error, for the next process with the same key; `remove` deletes it.
+
+    Args:
+        out: the output folder, checked by `check_place`.
+        index: the index of folders of its kind.
+        recipe: the recipe whose output it is. Unfinished work of another recipe is kept unless `replace`.
+        key: what is made. Unfinished work with the same recipe and key is continued, other work is deleted; "" if work
+            is never continued.
+        replace: whether the unfinished work of another recipe may be deleted.
+        notice: called with a line of text if a replaced folder is kept.
+
+    Attributes:
+        out: the output folder.
+        partial: the work folder.
+        dataset: the folder in it in which the output is written.
+
+    Raises:
+        InputError: on entry, if a folder that this program did not make, or work of another recipe, is in the way.
+        RunError: on entry, if another process uses the work folder.
+        OSError: on entry, and from all methods, if the host fails.
+    """
+
+    def __init__(
+        self,
+        out: Path,
+        index: Index,
+        *,
+        recipe: str = "",
+        key: str = "",
+        replace: bool = False,
+        notice: Callable[[str], None] = ignore,
+    ) -> None:
+        self.out, self.partial = out, out.with_name(f".{out.name}.partial")
+        self.dataset = self.partial / "dataset"
+        self._old, self._removed = self.partial / "old", self.partial / "removed"
+        self._index, self._recipe, self._key = index, recipe, key
+        self._replace, self._notice = replace, notice
+        self._lock = -1
+
+    def __enter__(self) -> StagedFolder:
+        self.out.parent.mkdir(parents=True, exist_ok=True)
+        self.partial.mkdir(exist_ok=True)
+        self._take()
+        try:
+            self._recover()
+            if not self.is_continued():
+                self._check_recipe()
+                self.clear()
+                self._marker.write_bytes(self._work)
+            make_folder(self.dataset)
+        except BaseException:
+            os.close(self._lock)
+            raise
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        os.close(self._lock)
+
+    def is_continued(self) -> bool:
+        """Return whether the work folder holds unfinished work with the same recipe and key."""
+        try:
+            return bool(self._key) and self._marker.read_bytes() == self._work
+        except OSError:
+            return False
+
+    def publish(self) -> None:
+        """Put the dataset folder in its place, and remove the work folder.
+
+        A folder that is there is deleted if it holds no files but its own, and else kept as `NAME.replaced`.
+        """
+        try:
+            if os.path.lexists(self.out):
+                self.out.rename(self._old)
+            self.dataset.rename(self.out)
+        except BaseException:
+            if is_folder(self._old) and not os.path.lexists(self.out):
+                self._old.rename(self.out)
+            raise
+        self._discard()
+        self.remove()
+
+    def settle(self) -> None:
+        """Complete or undo the renames of a process that was killed within `publish`; called without the lock.
+
+        Raises:
+            RunError: another process uses the work folder.
+        """
+        published = os.path.lexists(self.out) and not os.path.lexists(self.dataset)
+        if not is_folder(self.partial) or not (published or is_folder(self._old)):
+            return
+        self._take()
+        try:
+            self._recover()
+            if published:
+                self.remove()
+        finally:
+            os.close(self._lock)
+
+    def clear(self) -> None:
+        """Delete the files written so far."""
+        if os.path.lexists(self.dataset):
+            remove_tree(self.dataset)
+
+    def remove(self) -> None:
+        """Delete the work folder, the marker last, so that an interrupted removal can be completed."""
+        self.clear()
+        self._marker.unlink(missing_ok=True)
+        with suppress(OSError):  # the user has put a file there
+            self.partial.rmdir()
+
+    @property
+    def _marker(self) -> Path:
+        return self.partial / _MARKER
+
+    @property
+    def _work(self) -> bytes:
+        return f"{self._recipe}\n{self._key}\n".encode()
+
+    def _take(self) -> None:
+        """Lock the work folder.
+
+        Raises:
+            InputError: it has files but no marker.
+            RunError: another process holds the lock.
+        """
+        self._lock = open_folder(self.partial)
+        try:
+            with suppress(OSError):  # a file system without locks
+                try:
+                    fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise RunError(
+                        f"another process is writing {self.out}",
+                        help="wait for it, or choose another folder",
+                        code=Code.OUTPUT_IN_THE_WAY,
+                    ) from None
+            if not self._marker.is_file() and not is_free(self.partial):
+                what = "is in the way and was not made by this program"
+                raise InputError(f"{self.partial} {what}; move it away", code=Code.OUTPUT_IN_THE_WAY)
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    def _recover(self) -> None:
+        """Move the old folder back, or complete its replacement."""
+        if is_folder(self._removed):
+            remove_tree(self._removed)
+        if is_folder(self._old) and not os.path.lexists(self.out):
+            self._old.rename(self.out)
+        self._discard()
+
+    def _discard(self) -> None:
+        """Delete the replaced folder, or keep it next to the new one."""
+        if not is_folder(self._old):
+            return
+        if holds_only(self._old, self._index):
+            self._old.rename(self._removed)  # from here on it is deleted, wherever this process is stopped
+            remove_tree(self._removed)
+            return
+        kept = _free_name(self.out.with_name(f"{self.out.name}.replaced"))
+        self._old.rename(kept)
+        self._notice(f"{self.out} held files besides its own, or changed ones; it is kept as {kept}")
+
+    def _check_recipe(self) -> None:
+        """Raise InputError if the work folder holds unfinished work of another recipe, unless it may be replaced."""
+        try:
+            other = self._marker.read_bytes().partition(b"\n")[0].decode(errors="replace")
+        except OSError:
+            return
+        if other not in ("", self._recipe) and not self._replace and not is_free(self.dataset):
+            raise InputError(
+                f"{self.partial} holds unfinished work of another recipe, {other[:100]!r}",
+                help="choose another folder, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
+
+
+def _free_name(path: Path) -> Path:
+    """Return a path, or with `.2`, `.3` and so on the first at which nothing is."""
+    names = itertools.chain([path], (path.with_name(f"{path.name}.{number}") for number in itertools.count(2)))
+    return next(name for name in names if not os.path.lexists(name))
