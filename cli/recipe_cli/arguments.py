@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import click
 
-from recipe_cli import completion, host_limits, places
+from recipe_cli import completion, host_limits
 from recipe_cli.console import State, warn
 
 if TYPE_CHECKING:
@@ -228,7 +228,7 @@ def writing(path: Path) -> Iterator[None]:
     """Guard the computation and writing of a file, or of files in a folder.
 
     Raises:
-        InputError: its folder does not exist, or it is inside a dataset; raised before any work.
+        InputError: its folder does not exist; raised before any work.
         RunError: it cannot be written.
     """
     from recipe_compiler.ir.errors import InputError
@@ -236,7 +236,6 @@ def writing(path: Path) -> Iterator[None]:
 
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; make it first")
-    places.check_outside_datasets(path)
     with host_errors(str(path), "free some space, or choose another place"):
         yield
 

@@ -27,26 +27,6 @@ def check_default_folder(folder: Path, option: str = "--output") -> Path:
     return folder
 
 
-def check_outside_datasets(path: Path, option: str = "--output") -> None:
-    """Check that a file is not inside a dataset, which contains only the files of its manifest.
-
-    Raises:
-        InputError: it is, and `option` names another place.
-    """
-    from dataclasses import replace
-
-    if not any(os.path.lexists(folder / "manifest.json") for folder in Path(os.path.realpath(path)).parents):
-        return  # before the import of the library
-    from recipe_compiler.ir.errors import InputError
-    from recipe_runtime.dataset import manifest_reader
-
-    try:
-        manifest_reader.check_outside_datasets(path)
-    except InputError as error:
-        remedy = f"choose a place outside it with {option}"
-        raise InputError([replace(problem, help=remedy) for problem in error.problems]) from None
-
-
 def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
     """Return the bytes of the recipe and of every file that it uses, as they were compiled."""
     import hashlib

@@ -10,7 +10,6 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON, REPLACE, LocalPath, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import check_outside_datasets
 
 if TYPE_CHECKING:
     from recipe_compiler.library.blueprints import Blueprint
@@ -99,7 +98,6 @@ def _draw(found: tuple[Blueprint, ...], folder: Path, replace: bool) -> None:
     from recipe_cli.progress import Progress
 
     drawn = []
-    check_outside_datasets(folder / "blueprints.jpg", "--pictures")
     for path in (*(folder / f"{blueprint.id}.png" for blueprint in found), folder / "blueprints.jpg"):
         check_output(path, replace=replace, help="choose another folder (--pictures), or replace its files (--replace)")
     with writing(folder), Progress() as progress:

@@ -13,7 +13,7 @@ import click
 from recipe_cli import completion
 from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
 from recipe_cli.console import print_json, say, warn
-from recipe_cli.places import check_default_folder, check_outside_datasets
+from recipe_cli.places import check_default_folder
 
 if TYPE_CHECKING:
     from recipe_compiler.carla import File, Imported
@@ -43,7 +43,6 @@ def command(
     folder = output or check_default_folder(Path("recipes"))
     made = carla.import_configurations([_read(path) for path in configs], town=town)
     files = {folder / name: body for one in made for name, body in _files(one).items()}
-    check_outside_datasets(folder / "recipe.yaml")
     _check_free(files, configs, replace=replace)
     for one in made:
         warn(*_compiled(one, folder))

@@ -12,7 +12,6 @@ import click
 
 from recipe_cli.arguments import JSON, REPLACE, LocalPath
 from recipe_cli.console import print_json, say
-from recipe_cli.places import check_outside_datasets
 
 
 @click.command("init")
@@ -41,7 +40,6 @@ def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
                 f"{path} exists already; choose another name, or add --replace to overwrite it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
-        check_outside_datasets(path, "--dir")
         folder.mkdir(parents=True, exist_ok=True)
         write_output(path, template(name).encode(), replace=replace)
     except OSError as error:

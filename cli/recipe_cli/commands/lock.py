@@ -226,7 +226,6 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
 
     from recipe_compiler.ir.errors import Code, InputError, RunError
     from recipe_runtime.core.outputs import check_not_input
-    from recipe_runtime.dataset.manifest_reader import check_outside_datasets
     from recipe_runtime.verify import trace_bundle
 
     check_utf8(recipe)
@@ -242,14 +241,6 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options
     traces = trace_bundle.beside(path)
     for output in (path, traces):
         check_not_input(output, inputs)
-    try:
-        check_outside_datasets(path)
-    except InputError:
-        raise InputError(
-            f"{path} is in a dataset, and only a build writes files there",
-            help=f"verify the dataset, or copy {recipe.parent} out of it and lock the copy",
-            code=Code.OUTPUT_IN_THE_WAY,
-        ) from None
     if options.with_traces or traces.exists():
         trace_bundle.check_replaceable(traces, replace=options.replace)
     try:

@@ -15,7 +15,7 @@ from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, REPLACE, VARIANT, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say
 from recipe_cli.host_limits import memory
-from recipe_cli.places import check_outside_datasets, used_files
+from recipe_cli.places import used_files
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.patches import PatchFace, PatchPlan
@@ -225,7 +225,6 @@ def _draw(scene: _Scene | None, bodies: list[_Body], folder: Path, replace: bool
     sheets = [flat[n : n + _PICTURES_PER_SHEET] for n in range(0, len(flat), _PICTURES_PER_SHEET)]
     maps = {folder / f"{body.name}.{surface.name}.png": (body, surface) for body, surface in mapped}
     pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]
-    check_outside_datasets(folder / "surfaces-1.jpg")
     for path in (*maps, *pages):
         check_output(path, replace=replace, help="choose another folder (--output), or replace its files (--replace)")
         check_not_input(path, scene.used if scene else ())

@@ -29,7 +29,7 @@ from recipe_cli.arguments import (
 from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
 from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.lockfile_paths import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
-from recipe_cli.places import check_default_folder, check_outside_datasets
+from recipe_cli.places import check_default_folder
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import check_exists
 
@@ -154,21 +154,14 @@ def _check_options(
 
 
 def _checked_pictures(folder: Path) -> Path | None:
-    """Return the folder for pictures; None if it is the default and inside a dataset, to which nothing is added.
+    """Return the folder for pictures; None if it is the default and in a dataset, to which nothing is added.
 
     Raises:
-        InputError: it is the default and a symbolic link, or was named and is inside a dataset.
+        InputError: it is the default and a symbolic link.
     """
-    from recipe_compiler.ir.errors import InputError
-
-    is_default = click.get_current_context().get_parameter_source("pictures") is ParameterSource.DEFAULT
-    try:
-        check_outside_datasets(folder / "frame.png", "--pictures")
-    except InputError:
-        if not is_default:
-            raise
-        return None
-    return check_default_folder(folder, "--pictures") if is_default else folder
+    if click.get_current_context().get_parameter_source("pictures") is not ParameterSource.DEFAULT:
+        return folder
+    return None if Path("manifest.json").exists() else check_default_folder(folder, "--pictures")
 
 
 def _each(

@@ -46,7 +46,6 @@ def check_out(out: Path, caches: Collection[Path] = ()) -> None:
         if resolved(cache).is_relative_to(resolved(out)):
             remedy = "choose another folder, or set RECIPE_CACHE to a folder outside of it"
             raise InputError(f"{out} contains the cache {cache}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
-    manifest_reader.check_outside_datasets(out)
     if out.is_dir():
         check_files(out, out)
 

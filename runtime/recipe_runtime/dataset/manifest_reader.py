@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypedDict
 
-from recipe_compiler.ir.errors import Code, InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.documents import decode, decode_exactly
-from recipe_runtime.core.files import open_inside, regular_file, resolved
+from recipe_runtime.core.files import open_inside, regular_file
 from recipe_runtime.dataset.manifest import FORMAT, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_checks import MAX_MANIFEST_BYTES
@@ -104,33 +104,3 @@ def stamp(root: Path, name: str = layout.MANIFEST) -> tuple[int, int, int] | Non
     """Return a value that changes if another manifest, or index of an export, replaces that in a folder."""
     found = regular_file(root, name)
     return found and (found.st_ino, found.st_size, found.st_mtime_ns)
-
-
-def check_outside_datasets(out: Path) -> None:
-    """Check that no parent of `out` is a dataset, because a dataset contains only the files of its manifest.
-
-    Raises:
-        InputError: `out` is inside a dataset, or its parents have more other manifests than are read.
-    """
-    left = MAX_BYTES  # of manifests that are read in vain: an archive may have one file, linked, in many nested folders
-    for folder in resolved(out).parents:
-        try:
-            read(folder)
-        except (OSError, ValueError):
-            found = regular_file(folder, layout.MANIFEST)
-            left -= found.st_size if found is not None and found.st_size <= MAX_BYTES else 0
-            if left < 0:
-                raise InputError(
-                    f"{folder / layout.MANIFEST} and others above {out} are large and not manifests of a dataset",
-                    help="choose a folder elsewhere",
-                    code=Code.OUTPUT_IN_THE_WAY,
-                ) from None
-            continue
-        beside = folder.parent / out.name
-        if beside.exists():
-            beside = beside.with_name(f"{out.name}-again")
-        raise InputError(
-            f"{out} is inside the dataset {folder}",
-            help=f"choose a folder outside it, such as {beside}",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )

@@ -23,7 +23,6 @@ from recipe_runtime.core.files import (
     regular_file,
     remove_tree,
 )
-from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.plan_checks import byte_count
 from recipe_runtime.dataset.reader import Dataset
 
@@ -35,7 +34,7 @@ def check_destination(out: Path) -> Path:
     """Check that an export can take the place of a path, and return the path without `..`.
 
     Raises:
-        InputError: The path is the current folder, or contains it, or is in a dataset.
+        InputError: The path is the current folder, or contains it.
     """
     out = plain_path(out)
     if not out.name or holds_current_folder(out):
@@ -44,7 +43,6 @@ def check_destination(out: Path) -> Path:
             help="name another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
-    check_outside_datasets(out)
     return out
 
 

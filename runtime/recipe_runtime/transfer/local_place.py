@@ -11,14 +11,13 @@ from pathlib import Path
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.core.files import open_folder, resolved
-from recipe_runtime.dataset import manifest_reader
 
 
 def check_local_place(place: Path, root: Path) -> None:
     """Check that a dataset on a local disk may be copied to another folder there.
 
     Raises:
-        InputError: the folder is that of the dataset, is in it or contains it, or is in another dataset. Files there
+        InputError: the folder is that of the dataset, is in it or contains it. Files there
             are removed before they are written again.
     """
     here, there = resolved(root), resolved(place)
@@ -29,7 +28,6 @@ def check_local_place(place: Path, root: Path) -> None:
             help="choose a folder outside of it, or build there without a URL",
             code=Code.OUTPUT_IN_THE_WAY,
         )
-    manifest_reader.check_outside_datasets(place)
 
 
 @contextmanager

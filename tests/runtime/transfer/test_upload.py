@@ -209,12 +209,6 @@ def test_a_place_behind_a_link_to_itself_is_an_error(built: Path, tmp_path: Path
         Target(f"file://{tmp_path}/loop/copy", built)
 
 
-def test_a_place_within_another_dataset_is_refused(built: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is inside the dataset"):
-        Target(f"file://{built}/copy", tmp_path / "small")
-    assert not (built / "copy").exists()
-
-
 def test_an_upload_during_the_build_is_noticed(url: str, built: Path, tmp_path: Path) -> None:
     """The files of the other dataset may have the same sizes."""
     put(url, built)
