@@ -21,7 +21,7 @@ from pathlib import Path
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build import local
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.build.resume import Runner
 
 
@@ -46,7 +46,9 @@ def main() -> None:
     start = time.perf_counter()
     with runner(arguments.ray) as run:
         result = build(
-            dataset, folder / "dataset", workers=arguments.workers, cache=folder / "cache", progress=progress, run=run
+            dataset,
+            folder / "dataset",
+            BuildOptions(workers=arguments.workers, cache=folder / "cache", progress=progress, run=run),
         )
     (first, pictures), (last, total) = ticks[1], ticks[-1]
     workers = max(arguments.workers, 1)

@@ -16,7 +16,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.lowering.placement import instance_numbers
 from recipe_runtime.annotate.categories import MOTS_CLASSES, MOTS_IGNORE
 from recipe_runtime.annotate.mots import mots_id, mots_lines
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 
 from tests.compiler.carla.importing import CONFIGS, compiled, import_files, import_text
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -28,7 +28,7 @@ MOBILE = (CONFIGS / "mobile_sensors.yaml").read_text()
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("faults")
-    return build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path
+    return build(dataset_plan(), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,9 @@ def test_7_a_track_is_of_one_actor_and_does_not_depend_on_the_order_of_files(
     tracks = {row["id"]: row["variant"] for row in kwcoco["tracks"]}
     assert all(videos[row["image_id"]] == tracks[row["track_id"]] for row in kwcoco["annotations"])
     assert set(actors) <= {row["id"] for row in kwcoco["tracks"]}
-    again = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    again = build(
+        dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    ).path
     name = "annotations/kwcoco.json"
     assert (again / name).read_bytes() == (dataset / name).read_bytes()
 

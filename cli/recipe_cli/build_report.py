@@ -84,11 +84,11 @@ def _print_result(outcome: Outcome, compiled: Compiled) -> None:
 
 def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> tuple[str, str]:
     """Return what an interrupted build has kept, and how to continue."""
-    from recipe_runtime.build.output_folder import read_manifest
     from recipe_runtime.build.pipeline import kept_frames
     from recipe_runtime.dataset.manifest import is_whole
+    from recipe_runtime.dataset.manifest_reader import read_or_none
 
-    kept, manifest = kept_frames(plan, folder), read_manifest(folder)
+    kept, manifest = kept_frames(plan, folder), read_or_none(folder)
     if kept:
         again = "run it again with --repair" if repair else "build again"  # a plain build goes by sizes alone
         return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept", f"{again} to continue"

@@ -76,6 +76,11 @@ def say(*parts: str | Styled, err: bool = False) -> None:
     click.echo(line, err=err, color=True)
 
 
+def note(text: str) -> None:
+    """Print a remark on standard error."""
+    say(f"note: {text}", err=True)
+
+
 def in_colour(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether to print in colour: by NO_COLOR, FORCE_COLOR, CLICOLOR_FORCE, CLICOLOR=0, else on a terminal."""
     if environment.get("NO_COLOR"):

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from recipe_cli.commands import export
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import RigPlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.transfer import layouts
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -19,7 +19,9 @@ from tests.runtime.fakes import ENGINES, dataset_plan
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("export")
-    return build(dataset_plan(2, 1), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path
+    return build(
+        dataset_plan(2, 1), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)
+    ).path
 
 
 @pytest.mark.parametrize(("form", "file"), [("mots", "seqmaps/MOTS-train.txt"), ("kitti", "training/calib/0003.txt")])
@@ -49,7 +51,7 @@ def test_lens_distortion_is_reported_for_kitti(tmp_path: Path) -> None:
     first = plan.variants[0].model_copy(update={"rig": RigPlan(sensors=(bent, straight))})
     second = plan.variants[1].model_copy(update={"rig": RigPlan(sensors=(bent, also))})
     plan = plan.model_copy(update={"variants": (first, second)})
-    made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    made = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
     for form, warned in (("kitti", True), ("mots", False)):
         call = [str(made), str(tmp_path / form), "--format", form]
         done = CliRunner().invoke(export.command, call, catch_exceptions=False)

@@ -15,7 +15,7 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.estimate import estimate
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import read_source, skeleton
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.verify.verify import Options, verify
 
@@ -28,7 +28,7 @@ PLAN = fakes.dataset_plan(frames=2, weathers=1)
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("built")
-    return build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES).path
+    return build(PLAN, root / "tiny", BuildOptions(workers=0, cache=root / "cache", engines=fakes.ENGINES)).path
 
 
 def test_a_plan_over_the_limits_is_refused_unless_allowed(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,7 +28,7 @@ from recipe_compiler.ir.lockfile import VariantRow
 from recipe_compiler.ir.plan import TownPlan
 from recipe_compiler.library import towns
 from recipe_runtime.annotate import kitti
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import reader
@@ -141,7 +141,9 @@ def _plan(content: bytes) -> None:
 
 @cache
 def _dataset() -> Path:
-    made = build(dataset_plan(2, 1), _folder() / "made", workers=0, cache=_folder() / "cache", engines=ENGINES)
+    made = build(
+        dataset_plan(2, 1), _folder() / "made", BuildOptions(workers=0, cache=_folder() / "cache", engines=ENGINES)
+    )
     return made.path
 
 
@@ -168,7 +170,9 @@ def _locked() -> lockfile.Lockfile:
 @cache
 def _planned() -> Path:
     """Return a dataset whose first variant's plan is replaced by the input."""
-    made = build(dataset_plan(2, 1), _folder() / "planned", workers=0, cache=_folder() / "cache", engines=ENGINES)
+    made = build(
+        dataset_plan(2, 1), _folder() / "planned", BuildOptions(workers=0, cache=_folder() / "cache", engines=ENGINES)
+    )
     reader.read(made.path)
     return made.path
 
@@ -211,7 +215,9 @@ def _verified(content: bytes) -> None:
 @cache
 def _labelled() -> reader.Dataset:
     """Return a dataset whose labels of the first variant and sensor are replaced by the input."""
-    made = build(dataset_plan(1, 1), _folder() / "labelled", workers=0, cache=_folder() / "cache", engines=ENGINES)
+    made = build(
+        dataset_plan(1, 1), _folder() / "labelled", BuildOptions(workers=0, cache=_folder() / "cache", engines=ENGINES)
+    )
     return reader.read(made.path)
 
 

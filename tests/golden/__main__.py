@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from recipe_compiler.compile import compile_recipe
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.verify import self_test
 from recipe_runtime.verify.locking import lock
 
@@ -30,7 +30,9 @@ def main() -> None:
     _lock(TINY, TINY.with_name("lockfiles") / "tiny.lock", "../tiny.yaml")
     _lock(self_test.RECIPE, self_test.LOCK, self_test.RECIPE.name)
     with tempfile.TemporaryDirectory() as folder:
-        made = build(compile_recipe(self_test.RECIPE).plan, Path(folder) / "made", cache=Path(folder) / "cache")
+        made = build(
+            compile_recipe(self_test.RECIPE).plan, Path(folder) / "made", BuildOptions(cache=Path(folder) / "cache")
+        )
     rows = self_test.file_rows(made.manifest["files"])
     self_test.FILES.write_text("".join(f"{value}  {path}\n" for path, value in rows.items()))
 

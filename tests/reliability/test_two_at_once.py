@@ -27,7 +27,7 @@ def test_of_one_dataset(tmp_path: Path, delay: float) -> None:
     for e in ends:
         if e.code:
             assert e.code == 1
-            assert e.errors.startswith(f"another build is writing {tmp_path / 'out'}; wait for it, or choose")
+            assert e.errors.startswith(f"another process is writing {tmp_path / 'out'}; wait for it, or choose")
     assert all(gone(build.process.pid) for build in builds)
     assert sorted(p.name for p in tmp_path.iterdir()) == [".out.source.json", "cache", "out", "texts"]
     ended = Build(tmp_path).end()

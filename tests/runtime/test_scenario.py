@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import ScenePlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import codecs, layout
 from recipe_runtime.frames.engines import Engines, SceneRenderer
 from recipe_runtime.loading import compiled
@@ -36,7 +36,7 @@ RAIN = "weather=rain"
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the smallest dataset made by the real engines."""
-    return build(compiled(TINY), tmp_path_factory.mktemp("built") / "tiny", workers=0).path
+    return build(compiled(TINY), tmp_path_factory.mktemp("built") / "tiny", BuildOptions(workers=0)).path
 
 
 def _read(path: Path) -> NDArray[np.generic]:

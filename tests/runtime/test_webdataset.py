@@ -13,7 +13,7 @@ import pytest
 import webdataset
 from PIL import Image
 from recipe_compiler.ir.plan import DatasetPlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import codecs
 from recipe_runtime.dataset.reader import Dataset, read
 from recipe_runtime.transfer import shards
@@ -39,7 +39,7 @@ def plan_of(**outputs: str) -> DatasetPlan:
 
 
 def exported(plan: DatasetPlan, folder: Path, count: int = 4) -> Dataset:
-    made = build(plan, folder / "data", engines=ENGINES, workers=0, cache=folder / "cache")
+    made = build(plan, folder / "data", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache"))
     held = read(made.path)
     index = shards.webdataset(
         held, folder / "shards" / "weather_sweep", lambda *_: None, 1 if count > 1 else shards.SHARD_BYTES

@@ -29,10 +29,10 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.build_report import Outcome
-from recipe_cli.console import fail, print_json, say, warn
+from recipe_cli.console import fail, note, print_json, say, warn
 from recipe_cli.host_limits import free_disk
 from recipe_cli.lockfile_paths import lockfile_path, read_lockfile, source_of
-from recipe_cli.places import check_default_folder, check_utf8, recipe_files, used_files
+from recipe_cli.places import check_default_folder, check_utf8, recipe_files
 from recipe_cli.progress import Progress
 from recipe_cli.suggestions import url_with_one_slash
 
@@ -72,7 +72,6 @@ class Inputs:
     lock: tuple[Path, Lockfile] | None
     files: RecipeFiles | None  # None: the recipe has more variants than the dataset
     target: Target | None
-    used: list[Path]  # the recipe, its files and its lockfile
 
 
 def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
@@ -178,8 +177,6 @@ def _inputs(request: Request) -> Inputs:
     folder = folder or check_default_folder(Path("datasets")) / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
-    used = [*used_files(recipe, compiled), *([lock[0]] if lock else [])]
-    from recipe_runtime.build.provenance import check_apart
     from recipe_runtime.build.recipe_files import RecipeFiles
 
     files: RecipeFiles | None = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
@@ -192,9 +189,7 @@ def _inputs(request: Request) -> Inputs:
     elif lock is not None:
         _warn_if_outdated(compiled, *lock)
     target = _target(output, folder, compiled.plan, request.replace) if output and "://" in output else None
-    if target is not None and target.folder is not None:
-        check_apart(target.folder, [request.source, *used])
-    return Inputs(compiled, folder, lock, files, target, used)
+    return Inputs(compiled, folder, lock, files, target)
 
 
 def _build(request: Request, inputs: Inputs) -> Outcome:
@@ -203,16 +198,14 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
     On an interruption it prints what is kept and ends the command with exit code 130.
     """
     from recipe_compiler.ir.errors import Code, Problem
-    from recipe_runtime.build.pipeline import build
+    from recipe_runtime.build.pipeline import BuildOptions, build
 
-    compiled, target, reasons = inputs.compiled, inputs.target, list[str]()
+    compiled, target, reasons, notices = inputs.compiled, inputs.target, list[str](), list[str]()
     # 0: as many as the cluster has room for. Counting this host's raises before the work if there is no such device.
     workers = (request.workers or 0) if request.ray else worker_count(request.workers, request.device)
     try:
         with Progress() as progress, _runner(request.ray) as run:
-            result = build(
-                compiled.plan,
-                inputs.folder,
+            options = BuildOptions(
                 workers=workers,
                 progress=progress,
                 device=request.device,
@@ -223,13 +216,16 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
                 source=request.source,
                 replace=request.replace,
                 recipe_files=inputs.files,
-                used=inputs.used,
+                notice=notices.append,
             )
+            result = build(compiled.plan, inputs.folder, options)
             copied = target.put(progress, replace=request.replace) if target else None
     except KeyboardInterrupt:
         what, remedy = build_report.interruption(compiled.plan, inputs.folder, request.repair, target)
         fail([Problem(what, help=remedy, code=Code.INTERRUPTED)])
         raise click.exceptions.Exit(130) from None
+    for text in notices:
+        note(text)
     differences = _lockfile_differences(inputs.lock, request.recipe, compiled, result)
     return Outcome(inputs.folder, result, request.repair, reasons, target, copied, differences)
 
@@ -317,9 +313,9 @@ def _note_text(compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> None:
     """Print a note if the text of the recipe changed since it was locked, but not its plan."""
     from recipe_runtime.verify.compare import text_note
 
-    note = text_note(lock[1], compiled.plan.digest, compiled.files) if lock else None
-    if note:
-        say(f"note: {note}", err=True)
+    text = text_note(lock[1], compiled.plan.digest, compiled.files) if lock else None
+    if text:
+        note(text)
 
 
 def _lockfile_differences(

@@ -47,8 +47,8 @@ class LabelRecord(Boxes):
     velocity: Triple  # x, y, z in the world frame, m/s
 
 
-FileRow: TypeAlias = tuple[int, str] | tuple[int, str, str]
-"""Size in bytes, SHA-256, and, of a file in a workspace, its stamp (`core.files.stamp_of`)."""
+FileRow: TypeAlias = tuple[int, str]
+"""Size in bytes and SHA-256 of a file."""
 
 
 class LabelledFrame(TypedDict):

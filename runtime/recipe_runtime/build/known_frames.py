@@ -45,7 +45,7 @@ class Known:
             rows.update(row for record in records for row in frame_rows(plan, seen[shard.view], record))
         # Every device produces the same bytes, so the journal may be continued on another one.
         key = digest("journal/lock/1", [plan.digest, builder_identity(), traces])
-        self._journal = CacheJournal(self.cache, key, plan)
+        self._journal = CacheJournal(self.cache, key)
         return rows, missing_shards(all_shards(plan), reused), self._journal
 
     def kept_frames(self) -> int:

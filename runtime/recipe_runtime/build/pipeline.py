@@ -14,35 +14,33 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.build import local, provenance
 from recipe_runtime.build.finalize import Finisher
-from recipe_runtime.build.output_folder import check_out, read_manifest
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.repair import Examined, examine
 from recipe_runtime.build.resume import Runner, render_unfinished
 from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
 from recipe_runtime.build.worker import Job
-from recipe_runtime.build.workspace import BuildJob, Workspace
+from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache import pruning
-from recipe_runtime.cache.journal_key import journal_key, read_key
-from recipe_runtime.cache.store import Store, default_cache
+from recipe_runtime.cache.store import Store
 from recipe_runtime.core import subprocesses
 from recipe_runtime.core.files import plain_path
 from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.staged_folder import Notice, StagedFolder, check_place, ignore
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import builder_identity
-from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.assembly import FrameAssembly
-from recipe_runtime.dataset.manifest import head, is_whole
+from recipe_runtime.dataset.manifest import is_whole
+from recipe_runtime.dataset.manifest_reader import FILES, read_or_none
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_checks import check_plan
 from recipe_runtime.dataset.plan_reader import check_readable
@@ -76,31 +74,15 @@ class BuildResult:
     wall: float = 0.0
 
 
-def build(
-    dataset: DatasetPlan,
-    out: Path,
-    *,
-    workers: int = 1,
-    progress: Progress | None = None,
-    cache: Path | None = None,
-    device: str = "cpu",
-    engines: Engines | None = None,
-    shard_frames: int = SHARD_FRAMES,
-    explain: Callable[[list[str]], None] | None = None,
-    run: Runner = local.run,
-    repair: bool = False,
-    source: Path | None = None,
-    replace: bool = False,
-    recipe_files: RecipeFiles | None = None,
-    used: Collection[Path] = (),
-) -> BuildResult:
-    """Build a dataset in the folder `out`, or return at once if it exists already.
+def _no_progress(stage: str, done: int, total: int) -> None:
+    """Ignore progress."""
 
-    An earlier dataset of the same recipe in `out` is replaced; what the two have in common is reused.
 
-    Args:
-        dataset: the plan.
-        out: the dataset's folder.
+@dataclass(frozen=True)
+class BuildOptions:
+    """How a dataset is built. Only `recipe` changes its bytes.
+
+    Attributes:
         workers: number of worker processes; 0 renders in this process.
         progress: called with the stage, the steps done and the steps in all.
         cache: the cache's folder; None for the user's.
@@ -112,73 +94,65 @@ def build(
         repair: whether the files of an existing dataset are compared by bytes instead of sizes, and frames that
             differ are rendered again.
         source: the recipe's file; with it, two recipes of one name are distinguished (`provenance`).
-        replace: whether the dataset of another recipe may be replaced.
+        replace: whether another folder may be replaced than a dataset of the same recipe.
         recipe_files: files to put into the dataset's `recipe/` folder.
-        used: the paths of the recipe's files and of its lockfile.
+        notice: called with a line of text if a replaced folder is kept.
+    """
+
+    workers: int = 1
+    progress: Progress = _no_progress
+    cache: Path | None = None
+    device: str = "cpu"
+    engines: Engines | None = None
+    shard_frames: int = SHARD_FRAMES
+    explain: Callable[[list[str]], None] | None = None
+    run: Runner = local.run
+    repair: bool = False
+    source: Path | None = None
+    replace: bool = False
+    recipe_files: RecipeFiles | None = None
+    notice: Notice = ignore
+
+
+def build(dataset: DatasetPlan, out: Path, options: BuildOptions = BuildOptions()) -> BuildResult:
+    """Build a dataset in the folder `out`, or return at once if it exists already.
+
+    An earlier dataset in `out` is replaced; what the two have in common is reused. A replaced folder that has files
+    besides its own is kept as `NAME.replaced`.
 
     Raises:
-        InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe;
-            or `source` or a file of `used` is in the dataset to be replaced, or a lockfile that would be lost; or the
-            cache is in `out`.
+        InputError: `out` cannot be replaced, or contains something other than a dataset of the same recipe and
+            `replace` is not set.
         RunError: the host failed. Finished shards are kept, and the next build continues.
     """
-    places = devices(device) if run is local.run else (device,)  # nodes of a cluster may have other devices
-    job = Job(dataset, engines or real_engines(), places, cache or default_cache(), None, resumes=True)
-    stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain)
-    pruned = [job.cache] if cache else pruning.folders()
-    sources = _Sources(source, recipe_files, used)
-    return _build(stages, plain_path(out.absolute()), sources, pruned, repair=repair, replace_other=replace)
-
-
-@dataclass(frozen=True)
-class _Sources:
-    """The files that a dataset is built from; `build` describes the fields."""
-
-    source: Path | None
-    recipe_files: RecipeFiles | None
-    used: Collection[Path]
-
-
-def _build(
-    stages: _Stages,
-    out: Path,
-    sources: _Sources,
-    pruned: list[Path],
-    *,
-    repair: bool,
-    replace_other: bool,
-) -> BuildResult:
-    """Build as `build` describes; afterwards prune the cache folders `pruned`."""
-    start, cache_limit, dataset, store = time.perf_counter(), pruning.limit(), stages.dataset, Store(stages.job.cache)
-    source, files = sources.source, sources.recipe_files
+    start, cache_limit, out = time.perf_counter(), pruning.limit(), plain_path(out.absolute())
+    store, source = Store(options.cache), options.source
     check_plan(dataset)
     check_readable(dataset)
-    Workspace.settle(out)
-    there, manifest = manifest_reader.stamp(out), read_manifest(out)
-    stages.examined = examine(dataset, out, stages.progress) if repair else None
-    damage = stages.examined.damage if stages.examined else ()
-    readable = not repair or stages.examined is not None
+    StagedFolder(out, FILES, notice=options.notice).settle()
+    manifest = read_or_none(out)
+    examined = examine(dataset, out, options.progress) if options.repair else None
+    damage = examined.damage if examined else ()
+    readable = not options.repair or examined is not None
     if manifest is not None and readable and not damage and is_whole(manifest, dataset, out):
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
-    check_out(out, [store.root, *pruned])
-    provenance.check_outside(out, manifest, dataset, source, files, sources.used)
-    if not replace_other:
+    check_place(out)
+    if not options.replace:
         provenance.check_replaceable(out, manifest, dataset, source)
-        provenance.check_recipe_kept(out, manifest, dataset, source, files, repaired=repair)
-    if manifest is not None and files is not None:
-        used = sources.used
-        files = files.in_place_of(out, manifest, dataset, used, repaired=repair, replaced=replace_other)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
     trusted = not damage or earlier(store, out) is not None
     with (
         pruning.leased(store.root),
-        _workspace(dataset, out, journal_key(store.root), replace_other, there) as work,
+        Workspace(
+            dataset, out, store.root, replace=options.replace, repair=options.repair, notice=options.notice
+        ) as work,
     ):
-        counts, manifest = stages.run_all(work, out, files)
+        stages = _Stages(dataset, options, store, examined)
+        counts, manifest = stages.run_all(work, out)
     if trusted:
         remember(store, out, dataset)
-    pruning.auto_prune(pruned, cache_limit)
+    pruning.auto_prune([store.root] if options.cache else pruning.folders(), cache_limit)
     provenance.record(out, manifest, source)
     return BuildResult(
         out,
@@ -198,23 +172,7 @@ def _build(
 
 def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> int:
     """Return how many frames of a stopped build the next build with this cache resumes from."""
-    key = read_key(cache or default_cache())
-    return 0 if key is None else _workspace(dataset, plain_path(out.absolute()), key).kept()
-
-
-def _workspace(
-    dataset: DatasetPlan,
-    out: Path,
-    key: bytes,
-    replace: bool = False,
-    there: tuple[int, int, int] | None = None,
-) -> Workspace:
-    job: BuildJob = {**head(dataset), "builder": builder_identity()}
-    return Workspace(out, job, replace=replace, key=key, there=there)
-
-
-def _no_progress(stage: str, done: int, total: int) -> None:
-    """Ignore progress."""
+    return Workspace(dataset, plain_path(out.absolute()), Store(cache).root).kept()
 
 
 @dataclass(frozen=True)
@@ -230,43 +188,40 @@ class _Counts:
 
 @dataclass
 class _Stages:
-    """The stages of one build; `build` describes the fields that it has as arguments."""
+    """The stages of one build."""
 
-    job: Job  # without the workspace's folder
-    progress: Progress
-    workers: int
-    shard_frames: int
-    run: Runner
-    explain: Callable[[list[str]], None] | None
-    examined: Examined | None = None  # the dataset to repair
+    dataset: DatasetPlan
+    options: BuildOptions
+    store: Store
+    examined: Examined | None  # the dataset to repair
     timings: Timings = field(default_factory=Timings)
+    engines: Engines = field(init=False)
 
-    @property
-    def dataset(self) -> DatasetPlan:
-        """The plan."""
-        return self.job.dataset
+    def __post_init__(self) -> None:
+        self.engines = self.options.engines or real_engines()
 
-    def run_all(self, work: Workspace, out: Path, recipe_files: RecipeFiles | None) -> tuple[_Counts, Manifest]:
+    def run_all(self, work: Workspace, out: Path) -> tuple[_Counts, Manifest]:
         """Run every stage in a workspace, publish the dataset, and return its manifest."""
-        job, store = replace(self.job, root=work.dataset), Store(self.job.cache)
+        options, progress, store = self.options, self.options.progress, self.store
+        # Nodes of a cluster may have other devices than this host.
+        places = devices(options.device) if options.run is local.run else (options.device,)
+        job = Job(self.dataset, self.engines, places, store.root, work.dataset, resumes=True)
         new = [scene for scene in simulations(self.dataset) if not store.has_trace(scene)]
         with self._early_pool(job, work, new) as run:
             assembly = self._simulate()
             reuse = Reuse(self.dataset, self.examined.held if self.examined else earlier(store, out))
             taken = self._reuse_frames(work, assembly, reuse)
-            if self.explain:
-                self.explain(list(reasons(reuse, [scene.digest for scene in new], taken)))
-            shards = missing_shards(all_shards(self.dataset, self.shard_frames), taken)
-            resumed, seconds = render_unfinished(job, shards, self.workers, self.progress, assembly.add, work, run)
+            if options.explain:
+                options.explain(list(reasons(reuse, [scene.digest for scene in new], taken)))
+            shards = missing_shards(all_shards(self.dataset, options.shard_frames), taken)
+            resumed, seconds = render_unfinished(job, shards, options.workers, progress, assembly.add, work, run)
         for stage, value in seconds.items():
             self.timings.add(stage, value)
-        finisher = Finisher(self.dataset, assembly, work, self.progress, self.timings, recipe_files)
+        finisher = Finisher(self.dataset, assembly, work, progress, self.timings, options.recipe_files)
         if self.examined:
             self.examined.check(finisher.identity, work)
-        if recipe_files:
-            recipe_files.check_lock_kept(out, finisher.identity)
         files = finisher.finish(self._trace)
-        manifest = read_manifest(work.dataset)  # afterwards, another program may move the dataset away
+        manifest = read_or_none(work.dataset)
         work.publish(files)
         assert manifest is not None
         resumed_frames = sum(shard.pictures for shard in resumed)
@@ -283,23 +238,24 @@ class _Stages:
     def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:
         """Return the runner. If there is one new scene, workers start and load it while it is simulated."""
         single = len(simulations(self.dataset)) == 1 and not self.examined  # otherwise the shards are not known yet
-        if new and single and self.workers and self.run is local.run:
-            seen, shards = views(self.dataset), all_shards(self.dataset, self.shard_frames)
+        options = self.options
+        if new and single and options.workers and options.run is local.run:
+            seen, shards = views(self.dataset), all_shards(self.dataset, options.shard_frames)
             left = [shard for shard in shards if not work.noted(shard, seen[shard.view])]
             if left:
-                with local.WorkerPool(job, min(self.workers, len(left)), load=0) as pool:
+                with local.WorkerPool(job, min(options.workers, len(left)), load=0) as pool:
                     yield lambda job, shards, workers, done, tick: pool.run(shards, done, tick)
                 return
-        yield self.run
+        yield options.run
 
     def _simulate(self) -> FrameAssembly:
         """Simulate every scene that the store does not have."""
         wanted, assembly = simulations(self.dataset), FrameAssembly(self.dataset)
-        self.progress("simulate", 0, len(wanted))
+        self.options.progress("simulate", 0, len(wanted))
         with self.timings("simulate"):
             for done, (scene, value) in enumerate(self._trace_digests(wanted), start=1):
                 assembly.traces[scene.digest] = value
-                self.progress("simulate", done, len(wanted))
+                self.options.progress("simulate", done, len(wanted))
         return assembly
 
     def _trace_digests(self, scenes: list[ScenePlan]) -> Iterator[tuple[ScenePlan, str]]:
@@ -322,7 +278,7 @@ class _Stages:
 
     def _trace(self, scene: ScenePlan) -> Trace:
         """Return a scene's Trace with its contacts, from the store or simulated."""
-        return Store(self.job.cache).trace(scene, lambda: self.job.engines.simulate(scene), contacts=True)
+        return self.store.trace(scene, lambda: self.engines.simulate(scene), contacts=True)
 
     def _reuse_frames(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, ReusedFrames]:
         """Link the frames that an earlier dataset shares with this one; return them by the number of the view."""
@@ -331,7 +287,7 @@ class _Stages:
             variants = reuse.covered(view)
             if not variants:
                 continue
-            self.progress("reuse", number, len(seen))
+            self.options.progress("reuse", number, len(seen))
             with self.timings("write"):
                 records = reuse.take(work, view, variants)
             if records:
@@ -339,5 +295,5 @@ class _Stages:
                 found[number] = ReusedFrames(variants, frozenset(frames))
                 assembly.add(Shard(number, frames, variants), records)
         if found:
-            self.progress("reuse", len(seen), len(seen))
+            self.options.progress("reuse", len(seen), len(seen))
         return found

@@ -27,7 +27,7 @@ from recipe_runtime.build.resume import Runner
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.asset_files import Assets
-from recipe_runtime.core.files import host_errors, link_or_copy, stamp_of, write_atomic
+from recipe_runtime.core.files import host_errors, link_or_copy, write_atomic
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import renderer_identity
 from recipe_runtime.dataset.schedule import Shard, simulations
@@ -118,7 +118,7 @@ class RemoteWorker:
         records = self._worker.do(shard, lambda count: None)
         bodies: dict[str, bytes] = {}
         for record in records:
-            for path, (_, sha256, *_) in record["files"].items():
+            for path, (_, sha256) in record["files"].items():
                 place = self._root / "made" / path
                 if sha256 not in bodies:
                     bodies[sha256] = place.read_bytes()
@@ -304,7 +304,7 @@ def _write_files(root: Path | None, result: ShardResult) -> None:
         return
     first: dict[str, Path] = {}
     for record in result.records:
-        for path, (_, sha256, *_) in record["files"].items():
+        for path, (_, sha256) in record["files"].items():
             place = root / path
             with host_errors(str(place), "free some space or allow writing, then build again: what is done is kept"):
                 if sha256 in first:
@@ -312,8 +312,6 @@ def _write_files(root: Path | None, result: ShardResult) -> None:
                 else:
                     write_atomic(place, result.bodies[sha256])
                     first[sha256] = place
-    for record in result.records:  # after all links are made, because a link changes the file's stamp
-        record["files"] = {p: (row[0], row[1], stamp_of((root / p).lstat())) for p, row in record["files"].items()}
 
 
 def _place(job: Job, shard: Shard) -> str:

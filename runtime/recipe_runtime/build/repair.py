@@ -13,10 +13,10 @@ from pathlib import Path
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import DatasetPlan
 
-from recipe_runtime.build.output_folder import read_manifest
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest import DAMAGE, is_of, listed_files
+from recipe_runtime.dataset.manifest_reader import read_or_none
 from recipe_runtime.dataset.reader import Dataset, check_rows, damaged_files, lock_of, recipe_file_of
 
 
@@ -47,7 +47,7 @@ def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None
 
     None unless `out` is a dataset built from this plan by these tool versions, which can be read and is not too large.
     """
-    manifest = read_manifest(out)
+    manifest = read_or_none(out)
     try:
         if manifest is None or not is_of(manifest, plan):
             return None

@@ -11,7 +11,7 @@ from recipe_compiler.ir.errors import RecipeError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build import local
-from recipe_runtime.build.journal import ShardJournal, digests_only
+from recipe_runtime.build.journal import CacheJournal, digests_only
 from recipe_runtime.build.worker import Job
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.schedule import Shard, View, views
@@ -38,7 +38,7 @@ class Resumption:
         usable: whether the records of a shard still hold.
     """
 
-    journal: ShardJournal
+    journal: CacheJournal
     usable: Callable[[list[FrameRecord]], bool] = lambda records: True
 
     def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:

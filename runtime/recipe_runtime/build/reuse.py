@@ -25,7 +25,7 @@ from recipe_runtime.build.known_frames import Known
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, open_inside, regular_file
+from recipe_runtime.core.files import has_content, open_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import reader as datasets
@@ -153,19 +153,12 @@ class Reuse:
     def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, FileRow]:
         """Check a file of the earlier dataset, and link it under its names in the new dataset."""
         assert self.before is not None
-        size, sha256 = self.before.files[source]
-        found = regular_file(self.before.root, source)
-        if found is None or found.st_size != size or file_sha256(self.before.root / source) != sha256:
+        row = self.before.files[source]
+        if not has_content(self.before.root, source, *row):
             raise ValueError(f"{source} is not what the manifest says")
-        row: FileRow = (size, sha256)
         if work is not None:
-            work.take(self.before.root / source, paths[0])
-            for path in paths[1:]:
-                work.link(paths[0], path)
-            row = size, sha256, work.stamp(paths[0])
-            now = regular_file(self.before.root, source)  # a link changes the stamp, but not this time
-            if now is None or (now.st_ino, now.st_mtime_ns) != (found.st_ino, found.st_mtime_ns):
-                raise ValueError(f"{source} was changed while it was taken over")
+            for path in paths:
+                work.take(self.before.root / source, path)
         return dict.fromkeys(paths, row)
 
     def _digest(self, variant: str, sensor: SensorPlan, modality: str, frame: int) -> str:

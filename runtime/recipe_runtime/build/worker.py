@@ -25,7 +25,7 @@ from recipe_runtime.attacks.truth import patch_truth
 from recipe_runtime.build import host_errors
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs, layout
-from recipe_runtime.core.files import link_or_copy, stamp_of, write_atomic
+from recipe_runtime.core.files import link_or_copy, write_atomic
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array, pixel_digest
 from recipe_runtime.core.timings import Timings
@@ -220,8 +220,7 @@ class _FrameTask:
             write_atomic(root / paths[0], data)
             for path in paths[1:]:
                 link_or_copy(root / paths[0], root / path)
-            row = size, sha256, stamp_of((root / paths[0]).lstat())
-        files.update(dict.fromkeys(paths, row))
+        files.update(dict.fromkeys(paths, (size, sha256)))
 
 
 def _encoded(modality: str, array: NDArray[Any], depth: str) -> bytes:

@@ -121,8 +121,3 @@ def _limit(file: Path) -> Iterator[int]:
 def fresh_nonce() -> int:
     """Return a number that the author of a dataset could not have predicted; no byte of a dataset depends on it."""
     return secrets.randbits(53)
-
-
-def fresh_key() -> bytes:
-    """Return a secret that seals what only this host may have written."""
-    return secrets.token_bytes(32)

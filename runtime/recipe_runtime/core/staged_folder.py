@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import TypeAlias
 
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
@@ -52,6 +53,9 @@ class Index:
     read: Callable[[Path], Mapping[str, tuple[int, str]] | None]
 
 
+Notice: TypeAlias = Callable[[str], None]  # takes a line of text for the user
+
+
 def ignore(notice: str) -> None:
     """Take a notice, and do nothing."""
 
@@ -68,7 +72,7 @@ def check_place(out: Path) -> None:
     if above is not None and not above.is_dir():
         what = "a symbolic link that leads to no folder" if above.is_symlink() else "a file"
         raise InputError(f"{out}: {above} is {what}", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
-    if out.is_mount():
+    if out.absolute().is_mount():
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
         raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
     if holds_current_folder(out):
@@ -84,31 +88,31 @@ def is_free(out: Path) -> bool:
     return not os.path.lexists(out) or (is_folder(out) and not any(out.iterdir()))
 
 
-def holds_only(folder: Path, index: Index) -> bool:
+def holds_only(folder: Path, index: Index, *, changed: bool = False) -> bool:
     """Return whether a folder holds no files but those of its index, unchanged; some may be missing.
 
-    A file is unchanged if it has the listed size and is not newer than the index, which is written last, or has the
-    listed SHA-256.
+    If `changed`, the content of the files does not matter. Otherwise a file is unchanged if it has the listed size and
+    is not newer than the index, which is written last, or has the listed SHA-256.
     """
     try:
-        rows, written = index.read(folder) or {}, regular_file(folder, index.name)
-        return all(
-            is_folder(path) or _is_listed(path, path.relative_to(folder).as_posix(), index, rows, written)
-            for path in entries_below(folder)
+        rows, written = index.read(folder), regular_file(folder, index.name)
+        files = [path for path in entries_below(folder) if not is_folder(path)]
+        if rows is None or written is None:
+            return not files
+        names = {path: path.relative_to(folder).as_posix() for path in files}
+        if not {*rows, index.name}.issuperset(names.values()):
+            return False
+        return changed or all(
+            _is_unchanged(path, *rows[name], written.st_mtime_ns) for path, name in names.items() if name != index.name
         )
     except (OSError, ValueError, InputError):  # it cannot be read, so nothing is known of it
         return False
 
 
-def _is_listed(
-    path: Path, name: str, index: Index, rows: Mapping[str, tuple[int, str]], written: os.stat_result | None
-) -> bool:
-    if written is None or not stat.S_ISREG((found := path.lstat()).st_mode):
-        return False
-    if name == index.name:
-        return bool(rows)
-    size, sha256 = rows.get(name, (-1, ""))
-    return found.st_size == size and (found.st_mtime_ns <= written.st_mtime_ns or file_sha256(path) == sha256)
+def _is_unchanged(path: Path, size: int, sha256: str, written: int) -> bool:
+    found = path.lstat()
+    whole = stat.S_ISREG(found.st_mode) and found.st_size == size
+    return whole and (found.st_mtime_ns <= written or file_sha256(path) == sha256)
 
 
 class StagedFolder:
@@ -123,6 +127,7 @@ class StagedFolder:
         key: what is made. Unfinished work with the same recipe and key is continued, other work is deleted; "" if work
             is never continued.
         replace: whether the unfinished work of another recipe may be deleted.
+        repair: whether changed files of the replaced folder are damage, and may be deleted.
         notice: called with a line of text if a replaced folder is kept.
 
     Attributes:
@@ -144,13 +149,14 @@ class StagedFolder:
         recipe: str = "",
         key: str = "",
         replace: bool = False,
-        notice: Callable[[str], None] = ignore,
+        repair: bool = False,
+        notice: Notice = ignore,
     ) -> None:
-        self.out, self.partial = out, out.with_name(f".{out.name}.partial")
+        self.out, self.partial = out, out.parent / f".{out.name}.partial"
         self.dataset = self.partial / "dataset"
         self._old, self._removed = self.partial / "old", self.partial / "removed"
         self._index, self._recipe, self._key = index, recipe, key
-        self._replace, self._notice = replace, notice
+        self._replace, self._repair, self._notice = replace, repair, notice
         self._lock = -1
 
     def __enter__(self) -> StagedFolder:
@@ -239,17 +245,17 @@ class StagedFolder:
             InputError: it has files but no marker.
             RunError: another process holds the lock.
         """
+        remedy = "wait for it, or choose another folder"
+        busy = RunError(f"another process is writing {self.out}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
         self._lock = open_folder(self.partial)
         try:
             with suppress(OSError):  # a file system without locks
                 try:
                     fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError:
-                    raise RunError(
-                        f"another process is writing {self.out}",
-                        help="wait for it, or choose another folder",
-                        code=Code.OUTPUT_IN_THE_WAY,
-                    ) from None
+                    raise busy from None
+            if not os.path.samestat(os.fstat(self._lock), self.partial.lstat()):
+                raise busy  # that process has published it
             if not self._marker.is_file() and not is_free(self.partial):
                 what = "is in the way and was not made by this program"
                 raise InputError(f"{self.partial} {what}; move it away", code=Code.OUTPUT_IN_THE_WAY)
@@ -269,7 +275,7 @@ class StagedFolder:
         """Delete the replaced folder, or keep it next to the new one."""
         if not is_folder(self._old):
             return
-        if holds_only(self._old, self._index):
+        if holds_only(self._old, self._index, changed=self._repair):
             self._old.rename(self._removed)  # from here on it is deleted, wherever this process is stopped
             remove_tree(self._removed)
             return
@@ -285,7 +291,7 @@ class StagedFolder:
             return
         if other not in ("", self._recipe) and not self._replace and not is_free(self.dataset):
             raise InputError(
-                f"{self.partial} holds unfinished work of another recipe, {other[:100]!r}",
+                f"{self.partial} holds unfinished work of {other[:100]!r}, and this is {self._recipe!r}",
                 help="choose another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )

@@ -13,6 +13,7 @@ from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.core import layout
 from recipe_runtime.core.documents import decode, decode_exactly
 from recipe_runtime.core.files import open_inside, regular_file
+from recipe_runtime.core.staged_folder import Index
 from recipe_runtime.dataset.manifest import FORMAT, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_checks import MAX_MANIFEST_BYTES
@@ -104,3 +105,20 @@ def stamp(root: Path, name: str = layout.MANIFEST) -> tuple[int, int, int] | Non
     """Return a value that changes if another manifest, or index of an export, replaces that in a folder."""
     found = regular_file(root, name)
     return found and (found.st_ino, found.st_size, found.st_mtime_ns)
+
+
+def read_or_none(root: Path) -> Manifest | None:
+    """Return the manifest in a folder; None if there is none, it is damaged, or another program wrote it."""
+    try:
+        return read(root)
+    except (OSError, ValueError):
+        return None
+
+
+def _files_of(root: Path) -> dict[str, tuple[int, str]] | None:
+    manifest = read_or_none(root)
+    return None if manifest is None else listed_files(manifest)
+
+
+FILES = Index(layout.MANIFEST, _files_of)
+"""The manifest as the index of a dataset's folder."""

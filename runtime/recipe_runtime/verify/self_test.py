@@ -18,7 +18,7 @@ from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import RecipeError
 from recipe_compiler.ir.plan import DatasetPlan
 
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import host, layout
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.versions import host_versions
@@ -122,7 +122,9 @@ def self_test(
         root = Path(folder)
         try:
             made = build(
-                plan, root / "made", workers=0, cache=root / "cache", device=device, engines=engines, progress=progress
+                plan,
+                root / "made",
+                BuildOptions(workers=0, cache=root / "cache", device=device, engines=engines, progress=progress),
             )
         except RecipeError as error:
             return [Check(stage, "not reached", str(error).splitlines()[0]) for stage in STAGES]

@@ -316,7 +316,7 @@ class _Check:
             return None
         traces = {scene: trace.digest for scene, trace in self.simulated().items()}
         parts = [self.plan.digest, builder_identity(), traces, host.host_identity(), list(job.devices)]
-        self._journal = CacheJournal(self.options.cache, canonical.digest("journal/verify/1", parts), self.plan)
+        self._journal = CacheJournal(self.options.cache, canonical.digest("journal/verify/1", parts))
         return Resumption(self._journal, self._equals_dataset)
 
     def _equals_dataset(self, records: list[FrameRecord]) -> bool:

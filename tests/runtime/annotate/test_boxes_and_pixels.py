@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.compile import compile_recipe
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 
 pytestmark = pytest.mark.slow
 
@@ -133,7 +133,7 @@ def corners(box: Row) -> Floats:
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Picture]:
     folder = tmp_path_factory.mktemp("truth")
     (folder / "recipe.yaml").write_text(recipe_text())
-    made = build(compile_recipe(folder / "recipe.yaml").plan, folder / "truth", workers=0).path
+    made = build(compile_recipe(folder / "recipe.yaml").plan, folder / "truth", BuildOptions(workers=0)).path
     data = json.loads((made / "annotations/kwcoco.json").read_text())
     found = []
     for row in data["images"]:

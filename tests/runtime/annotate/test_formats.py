@@ -18,7 +18,7 @@ from pycocotools.cocoeval import COCOeval
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.annotate import ids
 from recipe_runtime.annotate.validate import problems
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:Depreca
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("formats")
-    return build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path
+    return build(dataset_plan(), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
 
 
 @pytest.mark.slow
@@ -63,7 +63,9 @@ def test_a_track_is_one_actor_in_every_video_and_file(dataset: Path) -> None:
 @pytest.mark.slow
 def test_ids_do_not_change_when_a_dataset_is_extended(dataset: Path, tmp_path: Path) -> None:
     """Regression: IDs were counters, so that an additional frame or variant changed those of later images."""
-    longer = build(dataset_plan(13, 3), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    longer = build(
+        dataset_plan(13, 3), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    ).path
     for file in ("annotations/kwcoco.json", "annotations/coco/rgb.json"):
         data, more = (json.loads((root / file).read_text()) for root in (dataset, longer))
         for table in ("videos", "tracks", "images", "annotations"):
@@ -78,7 +80,7 @@ def test_ids_do_not_change_when_a_dataset_is_extended(dataset: Path, tmp_path: P
 def test_equal_ids_are_refused(monkeypatch: pytest.MonkeyPatch, dataset: Path, tmp_path: Path) -> None:
     monkeypatch.setattr(ids, "ID_LIMIT", 40)
     with pytest.raises(InputError, match=r"have the id .* which is a digest of their names"):
-        build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+        build(dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES))
 
 
 def test_pycocotools_reads_masks_that_are_the_instance_pixels(
@@ -184,7 +186,7 @@ def test_the_check_detects(dataset: Path, fault: Callable[[dict[str, Any]], None
 @pytest.mark.parametrize("form", ["carla", "npy"])
 def test_kwcoco_loads_every_depth_format(form: str, tmp_path: Path) -> None:
     plan = dataset_plan(2, 1, depth=form, annotations=("kwcoco",))
-    made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    made = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
     read = """
 import json, kwcoco, numpy
 dataset, found = kwcoco.CocoDataset("annotations/kwcoco.json"), {}

@@ -16,7 +16,7 @@ from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import truncation
 from recipe_runtime.annotate.records import Box3d, FrameRecord, LabelledFrame, LabelRecord, label_digest
 from recipe_runtime.body.kinematics import quaternion_of_matrix
-from recipe_runtime.build.journal import FolderJournal
+from recipe_runtime.build.journal import CacheJournal
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
 from recipe_runtime.dataset.schedule import all_shards, views
@@ -100,12 +100,12 @@ def test_records_have_the_fields_of_their_types() -> None:
 def test_a_journal_returns_the_records_written(tmp_path: Path) -> None:
     """JSON has no tuples: file rows are read as their declared type, so that they compare equal."""
     plan = dataset_plan()
-    shard, journal = all_shards(plan)[0], FolderJournal(tmp_path, b"key")
+    shard, journal = all_shards(plan)[0], CacheJournal(tmp_path, "run")
     record: FrameRecord = {
         **NO_LABELS,
         "digests": {},
         "rgb": {},
-        "files": {"a": (1, "x"), "b": (2, "y", "z")},
+        "files": {"a": (1, "x"), "b": (2, "y")},
     }
     journal.write(shard, views(plan)[shard.view], [record])
     assert journal.read(shard, views(plan)[shard.view]) == [record]

@@ -20,7 +20,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import STATIC, PatchFace
 from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_runtime.attacks.truth import FrameTruth
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.dataset import reader
@@ -132,7 +132,7 @@ def compiled(recipe: Path) -> Compiled:
 @pytest.fixture(scope="module")
 def built(recipe: Path) -> Path:
     plan, engines = opened(recipe)
-    build(plan, recipe.parent / "out", engines=engines, cache=recipe.parent / "cache", workers=0)
+    build(plan, recipe.parent / "out", BuildOptions(engines=engines, cache=recipe.parent / "cache", workers=0))
     return recipe.parent / "out"
 
 
@@ -241,7 +241,7 @@ def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe
     out, cache = tmp_path / "out", recipe.parent / "cache"
     text = recipe.read_text()
     plan, engines = opened(recipe)
-    build(plan, out, engines=engines, cache=cache, workers=0)
+    build(plan, out, BuildOptions(engines=engines, cache=cache, workers=0))
     before = {
         name: (out / layout.patches_file("weather=clear", name, 2)).read_bytes() for name in ("street", "distorted")
     }
@@ -249,7 +249,7 @@ def test_a_reused_frame_keeps_its_truth_and_a_new_appearance_gets_its_own(recipe
     changed = '{clear: {}, red: {patches: {paint: {texture: {color: "#ff0000"}}}}}'
     other.write_text(text.replace("{clear: {}, rainy: {weather: HardRainNoon}}", changed))
     plan, engines = opened(other)
-    done = build(plan, out, engines=engines, cache=cache, workers=0, replace=True)
+    done = build(plan, out, BuildOptions(engines=engines, cache=cache, workers=0, replace=True))
     assert done.taken_frames > 0
     for name, body in before.items():
         assert (out / layout.patches_file("weather=clear", name, 2)).read_bytes() == body

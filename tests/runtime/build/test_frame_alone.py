@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.compile import compile_recipe
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset.manifest_types import Manifest
 
 from tests.sources import ROOT
@@ -73,7 +73,9 @@ def recipe(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> Manifest:
     """Return the manifest of the full dataset, built by this process, which renders the frames in order."""
     folder = tmp_path_factory.mktemp("built")
-    return build(compile_recipe(recipe).plan, folder / "dataset", workers=0, cache=folder / "cache").manifest
+    return build(
+        compile_recipe(recipe).plan, folder / "dataset", BuildOptions(workers=0, cache=folder / "cache")
+    ).manifest
 
 
 @pytest.mark.slow

@@ -1,11 +1,9 @@
 """The bytes of a build depend only on the plan: not on workers, order, shards, interruptions, place or time."""
 
-import fcntl
 import hashlib
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -20,9 +18,9 @@ import pytest
 from PIL import Image
 from recipe_compiler.ir.errors import Code, InputError, RunError
 from recipe_compiler.ir.plan import DatasetPlan, RigPlan
-from recipe_runtime.build import local, worker
+from recipe_runtime.build import local, worker, workspace
 from recipe_runtime.build import pipeline as build_module
-from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.build.pipeline import BuildOptions, BuildResult, build
 from recipe_runtime.core import codecs, files
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, all_shards
@@ -40,7 +38,7 @@ PLAN = dataset_plan(frames=8)  # the broken renderers fail at frame 7
 def made(tmp_path_factory: pytest.TempPathFactory) -> BuildResult:
     """Return the dataset that all others are compared with."""
     folder = tmp_path_factory.mktemp("made")
-    return build(PLAN, folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES)
+    return build(PLAN, folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES))
 
 
 def again(
@@ -54,10 +52,12 @@ def again(
     return build(
         plan or PLAN,
         folder / "tiny",
-        workers=workers,
-        cache=folder / "cache",
-        engines=engines,
-        shard_frames=shard_frames,
+        BuildOptions(
+            workers=workers,
+            cache=folder / "cache",
+            engines=engines,
+            shard_frames=shard_frames,
+        ),
     )
 
 
@@ -156,42 +156,13 @@ def test_another_plan_replaces_the_dataset(made: BuildResult, tmp_path: Path) ->
     assert not (tmp_path / ".tiny.partial").exists()
 
 
-@pytest.mark.slow
-def test_a_folder_without_a_dataset_is_refused_and_unchanged(tmp_path: Path) -> None:
-    thesis = tmp_path / "tiny" / "thesis.tex"
-    thesis.parent.mkdir()
-    thesis.write_text("years of work")
-    with pytest.raises(InputError, match="holds files but no manifest"):
-        again(tmp_path, workers=0)
-    (tmp_path / "tiny" / "manifest.json").write_text('{"format": "webextension"}')
-    with pytest.raises(InputError, match=r"its manifest.json is damaged, or another program's; move it away"):
-        again(tmp_path, workers=0)
-    assert thesis.read_text() == "years of work"
-    notes = tmp_path / "other" / ".tiny.partial" / "notes"
-    notes.parent.mkdir(parents=True)
-    notes.write_text("kept")
-    with pytest.raises(InputError, match="is not a build's work"):
-        again(tmp_path / "other", workers=0)
-    assert notes.read_text() == "kept"
-    notes.unlink()
-    assert again(tmp_path / "other", workers=0).built
-
-
-@pytest.mark.slow
-def test_a_dataset_with_a_foreign_file_is_not_replaced(tmp_path: Path) -> None:
-    notes = again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0).path / "preview" / "notes.txt"
-    notes.write_text("kept")
-    with pytest.raises(InputError, match=r"holds a file that is not the dataset's, preview/notes\.txt; move it away"):
-        again(tmp_path, workers=0)
-    assert notes.read_text() == "kept"
-
-
 BUILD_SLOWLY = """
 from pathlib import Path
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from tests.runtime.fakes import SLOW, dataset_plan
 folder = Path({folder!r})
-build(dataset_plan(frames=8), folder / "tiny", cache=folder / "cache", engines=SLOW, workers=2, shard_frames=2)
+options = BuildOptions(cache=folder / "cache", engines=SLOW, workers=2, shard_frames=2)
+build(dataset_plan(frames=8), folder / "tiny", options)
 """
 
 
@@ -202,7 +173,7 @@ def slow_build(folder: Path) -> tuple[subprocess.Popen[bytes], list[Path]]:
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # workers import the fakes
         process = subprocess.Popen([sys.executable, "-c", code], cwd=folder, stderr=errors, env=environment)
     deadline = time.monotonic() + 30
-    while len(list(folder.glob(".tiny.partial/shards/*.json"))) < 3:
+    while len(list(folder.glob("cache/shards/*/*"))) < 3 + 1:  # and the list of them
         assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.01)
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
@@ -249,8 +220,6 @@ def test_a_resumed_build_renders_lost_and_damaged_files_again(made: BuildResult,
     (partial / "dataset/weather=w0,jitter=still/street/rgb/000000.png").unlink()
     (partial / "dataset/weather=w0,jitter=still/street/depth/000002.png").write_bytes(b"short")
     (partial / "dataset/weather=w0,jitter=still/street/rgb/.000009.png.4711.tmp").write_bytes(b"half a fi")
-    records = sorted((partial / "shards").iterdir())
-    assert len(records) == 3
     result = again(tmp_path, workers=0, shard_frames=2)
     assert result.resumed == 1
     assert 0 < result.resumed_frames < result.made_frames and result.taken_frames == 0
@@ -270,18 +239,8 @@ def test_a_resumed_build_checks_the_digests_of_reused_files(made: BuildResult, t
 @pytest.mark.slow
 def test_work_of_another_version_is_not_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stopped(tmp_path)
-    monkeypatch.setattr(build_module, "builder_identity", lambda: "another")
+    monkeypatch.setattr(workspace, "builder_identity", lambda: "another")
     assert again(tmp_path, workers=0, shard_frames=2).resumed == 0
-
-
-@pytest.mark.slow
-def test_a_changed_record_is_not_used(made: BuildResult, tmp_path: Path) -> None:
-    partial = stopped(tmp_path)
-    for record in (partial / "shards").iterdir():
-        record.write_text(record.read_text().replace('"area": ', '"area": 1'))
-    result = again(tmp_path, workers=0, shard_frames=2)
-    assert result.resumed == 0
-    assert tree(result.path) == tree(made.path)
 
 
 @pytest.mark.slow
@@ -292,56 +251,6 @@ def test_another_plan_does_not_resume_the_work(tmp_path: Path) -> None:
     assert result.resumed == 0
     fresh = again(tmp_path / "fresh", plan, workers=0)
     assert tree(result.path) == tree(fresh.path)
-
-
-@pytest.mark.slow
-def test_a_stop_between_the_renames_loses_nothing(made: BuildResult, tmp_path: Path) -> None:
-    old = again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0)
-    partial = stopped(tmp_path)
-    old.path.rename(partial / "old")
-    with pytest.raises(RunError):
-        again(tmp_path, engines=BROKEN, workers=0, shard_frames=2)
-    assert json.loads((tmp_path / "tiny" / "manifest.json").read_text()) == old.manifest
-    assert tree(again(tmp_path, workers=0).path) == tree(made.path)
-
-
-@pytest.mark.slow
-def test_a_stop_after_the_renames_leaves_nothing_behind(made: BuildResult, tmp_path: Path) -> None:
-    old = again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0)
-    partial = stopped(tmp_path)
-    old.path.rename(partial / "old")
-    shutil.rmtree(partial / "dataset")
-    shutil.copytree(made.path, tmp_path / "tiny")
-    assert not again(tmp_path, workers=0).built
-    assert not partial.exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("calls", [0, 1, 2])
-def test_a_stop_while_the_work_folder_is_removed_does_not_block_later_builds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
-) -> None:
-    """Otherwise later builds would refuse the folder as one of another program."""
-    plan, other, third = (dataset_plan(frames=2, weathers=weathers) for weathers in (2, 1, 3))
-    again(tmp_path, other, workers=0)
-    remove, count = shutil.rmtree, 0
-
-    def stops(path: Path, **more: Any) -> None:
-        nonlocal count
-        if path.is_relative_to(tmp_path / ".tiny.partial"):
-            count += 1
-            if count > calls:
-                raise KeyboardInterrupt
-        remove(path, **more)
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(shutil, "rmtree", stops)
-        again(tmp_path, plan, workers=0)
-    partial = tmp_path / ".tiny.partial"
-    assert (partial / "job.json").is_file()
-    assert not again(tmp_path, plan, workers=0).built  # the dataset was already in place
-    assert not partial.exists()
-    assert again(tmp_path, third, workers=0).built
 
 
 @pytest.mark.slow
@@ -467,19 +376,7 @@ def test_after_a_full_disk_the_finished_work_is_resumed(
 def test_a_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file is a file; choose another folder"):
-        build(PLAN, tmp_path / "file" / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
-
-
-@pytest.mark.slow
-def test_two_builds_cannot_write_one_folder(tmp_path: Path) -> None:
-    partial = tmp_path / ".tiny.partial"
-    partial.mkdir()
-    held = os.open(partial, os.O_RDONLY)
-    fcntl.flock(held, fcntl.LOCK_EX)
-    with pytest.raises(RunError, match="another build is writing"):
-        again(tmp_path, workers=0)
-    os.close(held)
-    assert again(tmp_path, workers=0).built
+        build(PLAN, tmp_path / "file" / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES))
 
 
 def test_variant_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> None:
@@ -512,10 +409,12 @@ def test_progress_ends_at_the_total_and_seconds_are_counted_by_stage(tmp_path: P
     result = build(
         PLAN,
         tmp_path / "tiny",
-        workers=1,
-        cache=tmp_path / "cache",
-        engines=ENGINES,
-        progress=lambda stage, done, total: events.setdefault(stage, []).append((done, total)),
+        BuildOptions(
+            workers=1,
+            cache=tmp_path / "cache",
+            engines=ENGINES,
+            progress=lambda stage, done, total: events.setdefault(stage, []).append((done, total)),
+        ),
     )
     assert list(events) == ["simulate", "render", "annotate", "finish"]
     for steps in events.values():

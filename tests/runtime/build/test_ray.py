@@ -15,7 +15,7 @@ import pytest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.annotate.records import FrameRecord
-from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.build.pipeline import BuildOptions, BuildResult, build
 from recipe_runtime.build.ray import JobInputs, RemoteWorker
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.core.versions import renderer_identity
@@ -56,12 +56,12 @@ def _build(
 
     plan = plan or dataset_plan()
     with joined(cluster.address) as run:
-        return build(plan, folder / "tiny", cache=folder / "cache", engines=engines, run=run, **more)
+        return build(plan, folder / "tiny", BuildOptions(cache=folder / "cache", engines=engines, run=run, **more))
 
 
 def _built_locally(folder: Path, plan: DatasetPlan | None = None) -> dict[str, bytes]:
     plan = plan or dataset_plan()
-    return tree(build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path)
+    return tree(build(plan, folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path)
 
 
 def test_a_cluster_builds_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_a_worker_has_a_gpu_of_its_own(cluster: Any, tmp_path: Path) -> None:
 def test_real_engines_build_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
     plan = compiled(ROOT / "tests" / "golden" / "tiny.yaml")
     made = _build(tmp_path / "cluster", cluster, engines=None, plan=plan, workers=2)
-    here = build(plan, tmp_path / "here" / "tiny", workers=1, cache=tmp_path / "here" / "cache")
+    here = build(plan, tmp_path / "here" / "tiny", BuildOptions(workers=1, cache=tmp_path / "here" / "cache"))
     assert tree(made.path) == tree(here.path)
 
 

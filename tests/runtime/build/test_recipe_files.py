@@ -13,7 +13,7 @@ import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError
-from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.build.pipeline import BuildOptions, BuildResult, build
 from recipe_runtime.build.recipe_files import RecipeFiles, asset_places
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.dataset import reader as datasets
@@ -41,7 +41,9 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
     locked = lock(COMPILED.plan, "../../x.yaml", COMPILED.files, workers=0, progress=quiet, engines=ENGINES)
     sources = RecipeFiles("recipe.yaml", FILES, locked)
     made = build(
-        COMPILED.plan, folder / "assets", workers=0, cache=folder / "cache", engines=ENGINES, recipe_files=sources
+        COMPILED.plan,
+        folder / "assets",
+        BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES, recipe_files=sources),
     )
     assert made.identity == locked.identity
     return made.path
@@ -220,7 +222,11 @@ def test_a_repair_restores_the_recipe_and_no_intact_file(copied: Path, tmp_path:
     def repair() -> BuildResult:
         sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(copied / "recipe/lockfiles/assets.lock"))
         cache = tmp_path / "cache"
-        return build(COMPILED.plan, copied, workers=0, cache=cache, engines=ENGINES, recipe_files=sources, repair=True)
+        return build(
+            COMPILED.plan,
+            copied,
+            BuildOptions(workers=0, cache=cache, engines=ENGINES, recipe_files=sources, repair=True),
+        )
 
     before = tree(copied)
     assert repair().repaired == ()
@@ -229,143 +235,15 @@ def test_a_repair_restores_the_recipe_and_no_intact_file(copied: Path, tmp_path:
     assert tree(copied) == before
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("outdated", [False, True])
-def test_a_lockfile_that_the_recipe_lacks_is_neither_lost_nor_taken_over(
-    copied: Path, tmp_path: Path, outdated: bool
-) -> None:
-    """It may be the only copy, and no identity covers its rows of bodies and tools, which anyone may have written."""
-    path = changed_lock(copied, listed=True, tools={"numpy": "0"})
-    own = None
-    if outdated:  # the same plan, as another release rendered it
-        own = replace(lockfile.read(path), frames=dict.fromkeys(lockfile.read(path).frames, "0" * 64))
-        own = lockfile.loads(own.dumps(), "own.lock")
-    next(copied.rglob("*.png")).unlink()
-    before = tree(copied)
-
-    def again(recipe_lock: lockfile.Lockfile | None, replaced: bool = False) -> None:
-        sources, cache = RecipeFiles("recipe.yaml", FILES, recipe_lock), tmp_path / "cache"
-        build(COMPILED.plan, copied, workers=0, cache=cache, engines=ENGINES, recipe_files=sources, replace=replaced)
-
-    with pytest.raises(InputError, match=r"assets\.lock, of \S+, which recipe\.yaml lacks: it would be removed"):
-        again(own)
-    assert tree(copied) == before
-    locked = replace(lockfile.read(path), tools={})
-    again(locked)
-    assert lockfile.read(path).tools == {}
-    next(copied.rglob("*.png")).unlink()
-    again(own, replaced=True)
-    assert not path.exists()
-
-
-@pytest.mark.slow
-def test_a_build_without_the_recipe_does_not_remove_it(copied: Path, tmp_path: Path) -> None:
-    """`--only-locked` has no recipe of the dataset's plan once the recipe has further variants."""
-    next(copied.rglob("*.png")).unlink()
-    before = tree(copied)
-    with pytest.raises(InputError, match="is not this recipe's, and would be removed"):
-        build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES)
-    assert tree(copied) == before
-    build(COMPILED.plan, copied, workers=0, cache=tmp_path / "cache", engines=ENGINES, replace=True)
-    assert not (copied / "recipe").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("change", ["edited", "name"])
-def test_a_recipe_in_a_dataset_is_not_lost_to_another_of_its_plan(copied: Path, tmp_path: Path, change: str) -> None:
-    """Its text and its name are part of no plan."""
-    cache, source, path = tmp_path / "cache", tmp_path / "own.yaml", copied / "recipe/recipe.yaml"
-    if change == "edited":
-        path.write_bytes(FILES["recipe.yaml"] + b"# my notes\n")
-    own = "own.yaml" if change == "name" else "recipe.yaml"
-    files = {own if name == "recipe.yaml" else name: body for name, body in FILES.items()}
-    locked = lockfile.read(copied / "recipe/lockfiles/assets.lock")
-    next(copied.rglob("*.png")).unlink()
-    before = tree(copied)
-
-    def again(replaced: bool) -> BuildResult:
-        return build(
-            COMPILED.plan,
-            copied,
-            workers=0,
-            cache=cache,
-            engines=ENGINES,
-            recipe_files=RecipeFiles(own, files, locked),
-            source=source,
-            replace=replaced,
-        )
-
-    with pytest.raises(InputError, match=r"recipe/recipe\.yaml (was changed|is not this recipe's)"):
-        again(False)
-    assert tree(copied) == before
-    assert (again(True).path / "recipe" / own).read_bytes() == FILES["recipe.yaml"]
-    next(copied.rglob("*.png")).unlink()
-    files[own] += b"# a comment\n"  # of the recorded recipe
-    assert again(False).built
-
-
-def changed_lock(copied: Path, listed: bool, **values: Any) -> Path:
-    """Change the lockfile in a dataset and seal it; if `listed`, its row in the manifest is that of the new content."""
-    path = copied / "recipe/lockfiles/assets.lock"
-    path.write_text(replace(lockfile.read(path), **values).dumps())
-    if listed:
-        manifest, body = json.loads((copied / "manifest.json").read_text()), path.read_bytes()
-        manifest["files"]["recipe/lockfiles/assets.lock"] = {
-            "size": len(body),
-            "sha256": hashlib.sha256(body).hexdigest(),
-        }
-        (copied / "manifest.json").write_text(json.dumps(manifest))
-    return path
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("own", [False, True])
-def test_a_repair_does_not_keep_a_changed_lockfile(copied: Path, tmp_path: Path, own: bool) -> None:
-    """Regression: it was listed in the new manifest, also where the recipe is the one in the dataset."""
-    path = changed_lock(copied, listed=False, tools={"numpy": "0"})
-    sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(path) if own else None)
-    cache, used = tmp_path / "cache", [path] if own else []
-    made = build(
-        COMPILED.plan, copied, workers=0, cache=cache, engines=ENGINES, recipe_files=sources, repair=True, used=used
-    )
-    assert len(made.repaired) == 1
-    assert not path.exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("own", [False, True])
-def test_the_lockfile_of_another_identity_is_not_lost(copied: Path, tmp_path: Path, own: bool) -> None:
-    """It may be the only copy, of the dataset as another host made it."""
-    frames = lockfile.read(copied / "recipe/lockfiles/assets.lock").frames
-    path = changed_lock(copied, listed=True, frames=dict.fromkeys(frames, "0" * 64))
-    sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(path) if own else None)
-    next(copied.rglob("*.png")).unlink()
-    before = tree(copied)
-
-    def again(replaced: bool) -> None:
-        build(
-            COMPILED.plan,
-            copied,
-            workers=0,
-            cache=tmp_path / "cache",
-            engines=ENGINES,
-            recipe_files=sources,
-            used=[path] if own else [],
-            replace=replaced,
-        )
-
-    with pytest.raises(InputError, match="it would be removed"):
-        again(False)
-    assert tree(copied) == before
-    again(True)
-    assert not path.exists()
-
-
 def test_a_lockfile_of_another_dataset_is_not_included(tmp_path: Path) -> None:
     plan = dataset_plan(frames=2, weathers=1)
     other = replace(lock(plan, "x.yaml", {}, workers=0, progress=quiet, engines=ENGINES), plan="0" * 64)
     sources = RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: tiny\n"}, other)
-    made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources)
+    made = build(
+        plan,
+        tmp_path / "tiny",
+        BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources),
+    )
     assert [path for path in tree(made.path) if path.startswith("recipe/")] == ["recipe/tiny.yaml"]
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.ir.canonical import pretty
-from recipe_compiler.ir.errors import InputError, RunError
-from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_compiler.ir.errors import RunError
+from recipe_runtime.build.pipeline import BuildOptions, BuildResult, build
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256
 from recipe_runtime.dataset.reader import lock_of, read
@@ -39,7 +39,7 @@ def made(original: BuildResult, tmp_path: Path) -> BuildResult:
 
 def _build(folder: Path, calls: Calls | None = None, *, repair: bool = False) -> BuildResult:
     engines = counting([] if calls is None else calls)
-    return build(PLAN, folder / "tiny", workers=0, cache=folder / "cache", engines=engines, repair=repair)
+    return build(PLAN, folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=engines, repair=repair))
 
 
 def _flip(path: Path) -> None:
@@ -177,9 +177,9 @@ def test_a_host_that_renders_other_bytes_cannot_repair(made: BuildResult, tmp_pa
 
 def test_a_foreign_file_is_not_removed(made: BuildResult, tmp_path: Path) -> None:
     (made.path / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"holds a file that is not the dataset's, notes\.txt"):
-        _build(tmp_path, repair=True)
-    assert (made.path / "notes.txt").read_text() == "mine"
+    assert _build(tmp_path, repair=True).repaired == ("notes.txt is not in the manifest",)
+    assert not (made.path / "notes.txt").exists()
+    assert (tmp_path / "tiny.replaced" / "notes.txt").read_text() == "mine"
 
 
 def _edit_row(made: BuildResult, table: str, path: str, size: int) -> None:

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, DatasetPlan, RigPlan
 from recipe_runtime.build import reuse as reuse_module
-from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.build.pipeline import BuildOptions, BuildResult, build
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.frames.engines import Engines
 
@@ -40,7 +40,9 @@ def _build(folder: Path, plan: DatasetPlan, calls: Calls | None = None, explain:
     calls = calls if calls is not None else []
     calls.clear()
     engines = counting(calls)
-    return build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=engines, explain=explain)
+    return build(
+        plan, folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=engines, explain=explain)
+    )
 
 
 def _fresh(folder: Path, plan: DatasetPlan) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ from PIL import Image
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan, RigPlan, SensorPlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset import digests, plan_checks
 from recipe_runtime.dataset import reader as datasets
@@ -49,7 +49,7 @@ SLOW = slowed(dataset_plan())
 
 
 def made(folder: Path, plan: DatasetPlan) -> Path:
-    return build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path
+    return build(plan, folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
 
 
 @pytest.fixture(scope="module")
@@ -180,13 +180,15 @@ def test_an_export_has_only_the_captured_frames(slow: Path, tmp_path: Path) -> N
 @pytest.mark.slow
 def test_only_a_sensor_with_another_rate_is_rendered_again(slow: Path, tmp_path: Path) -> None:
     made(tmp_path, SLOW)
-    result = build(slowed(dataset_plan(), 3), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    result = build(
+        slowed(dataset_plan(), 3), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    )
     assert (result.taken_frames, result.made_frames) == (4 * 12, 4 * 4)
-    again = build(SLOW, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    again = build(SLOW, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES))
     assert again.taken_frames == 4 * 12
     assert tree(again.path) == tree(slow)
     wider = dataset_plan(weathers=3)
-    grown = build(slowed(wider), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    grown = build(slowed(wider), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES))
     assert grown.taken_frames == 4 * (12 + 3)  # frames of a slow sensor are reused too
     assert tree(grown.path) == tree(made(tmp_path / "fresh", slowed(wider)))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.ir.errors import InputError
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.cache import pruning
 from recipe_runtime.cache.pruning import auto_prune, bytes_of, entries, lease, prune, sizes
 from recipe_runtime.cache.store import Store, create_cache_folder
@@ -74,7 +74,7 @@ def _leased(root: Path) -> None:
 
 
 def _built(root: Path) -> None:
-    build(dataset_plan(frames=2, weathers=1), root.parent / "out" / "tiny", workers=0, engines=ENGINES)
+    build(dataset_plan(frames=2, weathers=1), root.parent / "out" / "tiny", BuildOptions(workers=0, engines=ENGINES))
 
 
 USES: dict[str, Callable[[Path], object]] = {
@@ -166,9 +166,11 @@ def test_an_entry_read_during_pruning_is_kept(tmp_path: Path, monkeypatch: pytes
 def test_after_a_build_the_cache_is_within_its_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = _filled(tmp_path / "cache")
     monkeypatch.setenv("RECIPE_CACHE_LIMIT", "0")
-    result = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    result = build(
+        dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    )
     assert result.built
     assert entries([store.root]) == []
     monkeypatch.setenv("RECIPE_CACHE_LIMIT", "lots")
     with pytest.raises(InputError, match="RECIPE_CACHE_LIMIT: 'lots' is not a size"):
-        build(dataset_plan(), tmp_path / "other", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+        build(dataset_plan(), tmp_path / "other", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES))

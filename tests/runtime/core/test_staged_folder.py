@@ -182,7 +182,7 @@ def test_unfinished_work_of_another_recipe_is_kept(tmp_path: Path) -> None:
     with staged(tmp_path / "out") as work:
         (work.dataset / "a.txt").touch()
     with (
-        pytest.raises(InputError, match="holds unfinished work of another recipe, 'small'"),
+        pytest.raises(InputError, match="holds unfinished work of 'small', and this is 'other'"),
         staged(tmp_path / "out", recipe="other"),
     ):
         raise AssertionError

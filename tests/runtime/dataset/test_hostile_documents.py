@@ -22,7 +22,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.lockfile import rows as lockfile_rows
 from recipe_compiler.ir.plan import ScenarioPlan, TownPlan
 from recipe_compiler.library import towns
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.plan_checks import MAX_MANIFEST_BYTES
 from recipe_runtime.dataset.plan_reader import PlanReader
@@ -74,7 +74,7 @@ def mutated(document: Any, data: st.DataObject) -> Any:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("built")
-    return build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES).path
+    return build(PLAN, root / "tiny", BuildOptions(workers=0, cache=root / "cache", engines=fakes.ENGINES)).path
 
 
 def with_town() -> dict[str, Any]:

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recipe_compiler.ir.plan import Element, Pose, ScenePlan
 from recipe_runtime.annotate.actor_boxes import body_box
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import METRE, UNIT, ContactEvent, Trace
 from recipe_runtime.dataset.events import distinct_events
@@ -126,7 +126,9 @@ def test_events_of_trace_plan_and_labels() -> None:
 
 @pytest.mark.slow
 def test_tracks_begin_and_end_with_the_labels(tmp_path: Path) -> None:
-    made = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    made = build(
+        dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    ).path
     folder = made / "weather=w0,jitter=still"
     with (folder / "events.csv").open(newline="") as file:
         tracks = [row for row in csv.DictReader(file) if row["event"] == "track"]

@@ -11,7 +11,7 @@ import pytest
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import plan_reader
 from recipe_runtime.dataset.plan_checks import MAX_POINTS_IN_ALL, MAX_POSES
 from recipe_runtime.dataset.plan_reader import PlanReader, check_readable
@@ -55,7 +55,7 @@ def test_an_unreadable_plan_is_neither_built_nor_locked(tmp_path: Path, monkeypa
     """It was built, and then no command could read the dataset."""
     monkeypatch.setattr(plan_reader, "MAX_BYTES", 1000)
     with pytest.raises(InputError, match="bytes together"):
-        build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=fakes.ENGINES)
+        build(PLAN, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=fakes.ENGINES))
     assert not (tmp_path / "tiny").exists()
     with pytest.raises(InputError, match="bytes together"):
         lock(PLAN, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=fakes.ENGINES)

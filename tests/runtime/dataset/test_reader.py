@@ -21,7 +21,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import Point, ScenePlan, SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
 from recipe_runtime.annotate.records import label_digest
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.core.layout import expected_files
 from recipe_runtime.core.trace import Trace
@@ -42,7 +42,7 @@ STREET = "weather=w0,jitter=still/street"
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("built")
-    return build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES).path
+    return build(PLAN, root / "tiny", BuildOptions(workers=0, cache=root / "cache", engines=fakes.ENGINES)).path
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from PIL import Image
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.patches import PatchFace, PatchPlan, PatchTexture
 from recipe_compiler.ir.plan import AppearancePlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset import reader
 from recipe_runtime.frames.shot import shot
@@ -147,7 +147,7 @@ def test_the_same_bytes_in_shot_build_and_verification(recipe: Path, scenes: dic
     plan, engines = opened(recipe)
     plan = plan.model_copy(update={"variants": plan.variants[2:], "annotations": ()})
     out = recipe.parent / "out"
-    build(plan, out, engines=engines, cache=recipe.parent / "cache", workers=0)
+    build(plan, out, BuildOptions(engines=engines, cache=recipe.parent / "cache", workers=0))
     for variant in plan.variants:
         mode = variant.variant.removeprefix("mode=")
         for sensor in ("street", "bent"):

@@ -23,7 +23,7 @@ from recipe_compiler.ir.assets import MeshData
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plan import Clock, DatasetPlan, FilePlan, Pose, PropPlan, ScenePlan
 from recipe_compiler.library import towns
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import asset_files
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.trace import METRE
@@ -118,7 +118,7 @@ def _plan(tmp_path: Path) -> tuple[Compiled, DatasetPlan]:
 def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
     known = _engines(Assets(compiled.places))
-    build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=known)
+    build(plan, tmp_path / "set", BuildOptions(workers=0, cache=tmp_path / "cache", engines=known))
     held, options = datasets.read(tmp_path / "set"), Options(nonce=1, count=3, workers=0)
     with_assets = verify(held.plan, held.lock, options, quiet, dataset=held, engines=known)
     without = verify(held.plan, held.lock, options, quiet, dataset=held, engines=_engines(Assets()))
@@ -132,7 +132,11 @@ def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None
 def test_verification_with_a_damaged_asset_is_inconclusive(tmp_path: Path) -> None:
     """It ended with an error, and reported no difference of other files of the dataset."""
     compiled, plan = _plan(tmp_path)
-    build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))
+    build(
+        plan,
+        tmp_path / "set",
+        BuildOptions(workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places))),
+    )
     (tmp_path / "damaged").write_bytes(b"v 0 0 0\n")
     damaged = _engines(Assets(dict.fromkeys(compiled.places, tmp_path / "damaged")))
     held, options = datasets.read(tmp_path / "set"), Options(nonce=1, count=3, workers=0)
@@ -144,7 +148,11 @@ def test_verification_with_a_damaged_asset_is_inconclusive(tmp_path: Path) -> No
 @pytest.mark.slow
 def test_a_dataset_lists_its_assets(tmp_path: Path) -> None:
     compiled, plan = _plan(tmp_path)
-    build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))
+    build(
+        plan,
+        tmp_path / "set",
+        BuildOptions(workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places))),
+    )
     reported = json.dumps([json.loads(p.read_text()) for p in sorted((tmp_path / "set/plans").glob("*.json"))])
     assert all(prop.mesh.sha256 in reported for prop in plan.variants[0].scene.props if prop.mesh)
     assert str(GOOD.parent) not in reported

@@ -14,7 +14,7 @@ from recipe_compiler.ir import optics
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.validate import problems
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE
@@ -173,7 +173,7 @@ output: {annotations: [kwcoco, coco]}
 @pytest.mark.slow
 def test_a_dataset_with_distortion_passes_verification(tmp_path: Path) -> None:
     (tmp_path / "bent.yaml").write_text(BENT)
-    build(compile_recipe(tmp_path / "bent.yaml").plan, tmp_path / "out", workers=0)
+    build(compile_recipe(tmp_path / "bent.yaml").plan, tmp_path / "out", BuildOptions(workers=0))
     found = [problems(path, tmp_path / "out") for path in sorted((tmp_path / "out").rglob("coco/*.json"))]
     assert found and not any(found)
     assert problems(tmp_path / "out" / "annotations" / "kwcoco.json") == []

@@ -19,7 +19,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import PatchFace, PatchPlan, PatchTexture
 from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.attacks.patch_metadata import is_on_ground
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset import reader
 from recipe_runtime.dataset.reader import Dataset
@@ -73,7 +73,9 @@ def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def dataset(recipe: Path) -> Dataset:
     plan, engines = opened(recipe)
     folder = recipe.parent
-    return reader.read(build(plan, folder / "out", engines=engines, cache=folder / "cache", workers=0).path)
+    return reader.read(
+        build(plan, folder / "out", BuildOptions(engines=engines, cache=folder / "cache", workers=0)).path
+    )
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +209,7 @@ def test_pictures_of_a_slow_sensor_are_numbered_as_its_labels(tmp_path: Path) ->
     (tmp_path / "recipe.yaml").write_text(RECIPE.replace("[rgb, depth]", "[rgb, depth]\n      tick: 0.2"))
     plan, engines = opened(tmp_path / "recipe.yaml")
     plan = plan.model_copy(update={"variants": plan.variants[:1]})
-    made = build(plan, tmp_path / "made", engines=engines, cache=tmp_path / "cache", workers=0).path
+    made = build(plan, tmp_path / "made", BuildOptions(engines=engines, cache=tmp_path / "cache", workers=0)).path
     export_layout(reader.read(made), tmp_path / "out", "armory", quiet)
     (video,) = (tmp_path / "out/carla_mot/dev").iterdir()
     assert sorted(p.name for p in (video / "rgb").iterdir()) == ["000001.png", "000002.png"]
@@ -312,7 +314,9 @@ def test_an_unknown_patch_is_refused_with_the_valid_names(dataset: Dataset, tmp_
 
 @pytest.mark.slow
 def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:
-    plain = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    plain = build(
+        dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    ).path
     with pytest.raises(InputError, match="has no picture with a patch"):
         export_layout(reader.read(plain), tmp_path / "out", "armory", quiet)
     assert not (tmp_path / "out").exists()

@@ -16,7 +16,7 @@ import pytest
 import recipe_runtime
 from fsspec.spec import AbstractFileSystem
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import subprocesses
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.reader import read
@@ -39,7 +39,9 @@ def _silent(stage: str, done: int, total: int) -> None:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("built")
-    return build(dataset_plan(4, 1), folder / "small", engines=ENGINES, workers=0, cache=folder / "cache").path
+    return build(
+        dataset_plan(4, 1), folder / "small", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache")
+    ).path
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from PIL import Image
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import Pose
 from recipe_runtime.annotate.calibration import calibration
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core.transforms import compose, from_pose, invert
 from recipe_runtime.dataset import reader
 from recipe_runtime.dataset.reader import Dataset
@@ -34,7 +34,9 @@ def quiet(*_: object) -> None:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("layouts")
-    return reader.read(build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path)
+    return reader.read(
+        build(dataset_plan(), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
+    )
 
 
 @pytest.mark.slow
@@ -66,7 +68,9 @@ def test_existing_files_are_replaced_only_on_request(built: Dataset, tmp_path: P
 
 @pytest.mark.slow
 def test_damaged_files_are_not_exported(tmp_path: Path) -> None:
-    made = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    made = build(
+        dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    ).path
     picture = made / "weather=w0,jitter=still" / "street" / "rgb" / "000003.png"
     body = picture.read_bytes()
     picture.unlink()
@@ -107,7 +111,7 @@ def test_kitti_masks_are_the_instance_pictures(built: Dataset, tmp_path: Path) -
 def test_a_line_of_kittis_poses_is_a_frame(tmp_path: Path) -> None:
     """Regression: of a sensor with a tick, line k was the pose of its k-th picture, not of frame k."""
     plan = slowed(dataset_plan(weathers=1))
-    path = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    path = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
     export_layout(reader.read(path), tmp_path / "out", "kitti", quiet)
     poses = np.loadtxt(tmp_path / "out/training/poses/0000.txt").reshape(-1, 3, 4)
     lines = (path / "weather=w0,jitter=still" / "street" / "labels.jsonl").read_text().splitlines()

@@ -21,7 +21,7 @@ import pytest
 import webdataset
 from PIL import Image
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import Dataset, read
 from recipe_runtime.transfer import export_folder, shards
@@ -36,7 +36,9 @@ SMALL = 40_000  # bytes: a few samples per shard
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("built")
-    return read(build(dataset_plan(), folder / "small", engines=ENGINES, workers=0, cache=folder / "cache").path)
+    return read(
+        build(dataset_plan(), folder / "small", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache")).path
+    )
 
 
 def exported(dataset: Dataset, out: Path, shard_bytes: int = SMALL) -> list[Path]:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.library.blueprints import match
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import reader
 from recipe_runtime.transfer.layouts import Layout, export_layout
 
@@ -36,7 +36,9 @@ def plan() -> DatasetPlan:
 @pytest.fixture(scope="module")
 def exports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("trackeval")
-    dataset = reader.read(build(plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path)
+    dataset = reader.read(
+        build(plan(), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
+    )
     forms: tuple[Layout, ...] = ("mots", "kitti")
     for form in forms:
         export_layout(dataset, folder / form, form, lambda *_: None)

@@ -15,7 +15,7 @@ from typing import Any
 import fsspec
 import pytest
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read
@@ -34,7 +34,9 @@ TINY = ROOT / "tests" / "golden" / "tiny.yaml"
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("built")
-    return build(dataset_plan(), folder / "small", engines=ENGINES, workers=0, cache=folder / "cache").path
+    return build(
+        dataset_plan(), folder / "small", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache")
+    ).path
 
 
 @pytest.fixture(params=["memory", "file"])
@@ -72,7 +74,9 @@ def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path
     before = remote_files(url)
     plan = dataset_plan()
     less = plan.model_copy(update={"variants": plan.variants[:1]})
-    other = build(less, tmp_path / "less" / "small", engines=ENGINES, workers=0, cache=tmp_path / "cache").path
+    other = build(
+        less, tmp_path / "less" / "small", BuildOptions(engines=ENGINES, workers=0, cache=tmp_path / "cache")
+    ).path
     sent = put(url, other)
     assert remote_files(url) == local(other)
     unchanged = {path for path, body in local(other).items() if before.get(path) == body}
@@ -93,10 +97,12 @@ def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(
         name: build(
             plan,
             tmp_path / name / "small",
-            workers=0,
-            cache=tmp_path / "cache",
-            engines=ENGINES,
-            recipe_files=RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: small\n"}, row),
+            BuildOptions(
+                workers=0,
+                cache=tmp_path / "cache",
+                engines=ENGINES,
+                recipe_files=RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: small\n"}, row),
+            ),
         ).path
         for name, row in (("with", locked), ("without", None))
     }
@@ -117,8 +123,10 @@ def test_the_recipe_of_a_published_dataset_is_not_removed_unless_replaced(url: s
     """A build with `--only-locked` has no recipe of its plan if the recipe has further variants."""
     plan, cache = dataset_plan(frames=2, weathers=1), tmp_path / "cache"
     files = RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: small\n"})
-    whole = build(plan, tmp_path / "a" / "small", workers=0, cache=cache, engines=ENGINES, recipe_files=files).path
-    bare = build(plan, tmp_path / "b" / "small", workers=0, cache=cache, engines=ENGINES).path
+    whole = build(
+        plan, tmp_path / "a" / "small", BuildOptions(workers=0, cache=cache, engines=ENGINES, recipe_files=files)
+    ).path
+    bare = build(plan, tmp_path / "b" / "small", BuildOptions(workers=0, cache=cache, engines=ENGINES)).path
     put(url, whole)
     with pytest.raises(InputError, match=r"has recipe/tiny\.yaml of .*, which would be removed"):
         put(url, bare)
@@ -344,7 +352,7 @@ def test_an_upload_to_a_local_dataset_does_not_write_through_hard_links(built: P
     target = tmp_path / "remote" / "small"
     plan = dataset_plan()
     less = plan.model_copy(update={"variants": plan.variants[:2]})
-    build(less, target, engines=ENGINES, workers=0, cache=tmp_path / "cache")
+    build(less, target, BuildOptions(engines=ENGINES, workers=0, cache=tmp_path / "cache"))
     put(f"file://{target}", built)
     assert local(target) == local(built)
 

@@ -15,7 +15,7 @@ from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import STAGES, host_versions
 from recipe_runtime.dataset import reader as datasets
@@ -60,7 +60,7 @@ def locked() -> Lockfile:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("built")
-    build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES)
+    build(PLAN, root / "tiny", BuildOptions(workers=0, cache=root / "cache", engines=fakes.ENGINES))
     return root / "tiny"
 
 
@@ -301,7 +301,7 @@ def test_forged_colours_of_a_variant_with_an_equal_plan_are_refused(tmp_path: Pa
     first = fakes.dataset_plan(frames=4, weathers=1).variants[0]
     twins = tuple(first.model_copy(update={"variant": name}) for name in ("a", "b"))
     plan = fakes.dataset_plan(frames=4, weathers=1, variants=twins)
-    build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=fakes.ENGINES)
+    build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=fakes.ENGINES))
     assert check_folder(tmp_path / "tiny").verdict == "PASS"
     manifest = json.loads((tmp_path / "tiny/manifest.json").read_text())
     forge(manifest["variants"]["a"]["frames"]["street"])

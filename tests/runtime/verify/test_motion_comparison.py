@@ -16,7 +16,7 @@ from PIL import Image
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, Pose, ScenePlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.core.versions import host_versions
@@ -197,7 +197,7 @@ def test_a_rendered_body_outside_the_picture_changes_only_colours() -> None:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("built")
-    build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES)
+    build(PLAN, root / "tiny", BuildOptions(workers=0, cache=root / "cache", engines=fakes.ENGINES))
     return root / "tiny"
 
 
@@ -220,12 +220,12 @@ def test_a_dataset_of_other_motion_is_inconclusive(built: Path) -> None:
 def test_a_dataset_is_excused_by_its_tracks(tmp_path: Path, tracks: str) -> None:
     """A manifest has no rows of bodies, so the dataset's tracks must show whether its motion differs."""
     root = tmp_path / "tiny"
-    build(PLAN, root, workers=0, cache=tmp_path / "cache", engines=SHADOWS_ELSEWHERE)
+    build(PLAN, root, BuildOptions(workers=0, cache=tmp_path / "cache", engines=SHADOWS_ELSEWHERE))
     report = check_folder(root, SHADOWS)
     assert report.verdict == "INCONCLUSIVE"
     assert {(d.stage, d.frame) for d in report.differences if d.frame is not None} == {("shading", 3)}
     if tracks == "this host's":
-        build(PLAN, tmp_path / "here", workers=0, cache=tmp_path / "cache2", engines=SHADOWS)
+        build(PLAN, tmp_path / "here", BuildOptions(workers=0, cache=tmp_path / "cache2", engines=SHADOWS))
         manifest = json.loads((root / "manifest.json").read_text())
         here = json.loads((tmp_path / "here" / "manifest.json").read_text())
         for path in [path for path in manifest["files"] if path.endswith("tracks.csv")]:

@@ -17,7 +17,7 @@ from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import ScenePlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.verify import self_test
 from recipe_runtime.verify.locking import lock
 
@@ -33,7 +33,7 @@ def quiet(*_: object) -> None:
 @pytest.fixture
 def golden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Golden digests of the fake engines, in place of the shipped ones."""
-    made = build(PLAN, tmp_path / "made", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    made = build(PLAN, tmp_path / "made", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES))
     files = {"x.yaml": "a" * 64}
     lock(PLAN, "x.yaml", files, workers=0, progress=quiet, engines=ENGINES).write(tmp_path / "golden.lock")
     rows = self_test.file_rows(made.manifest["files"])

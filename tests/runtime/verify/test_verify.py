@@ -21,7 +21,7 @@ from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, DatasetPlan, ScenePlan
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array
@@ -52,7 +52,7 @@ def locked() -> Lockfile:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("built")
-    build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES)
+    build(PLAN, root / "tiny", BuildOptions(workers=0, cache=root / "cache", engines=fakes.ENGINES))
     return root / "tiny"
 
 
