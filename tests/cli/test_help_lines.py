@@ -39,7 +39,7 @@ def test_a_folder_without_a_dataset_gets_a_remedy(tmp_path: Path) -> None:
     [
         ("build", "Replace the dataset of another recipe, finished or not."),
         ("lock", "Replace the lockfile of another recipe, or a file that is not a lockfile."),
-        ("export", "Replace another export, but no other folder."),
+        ("export", "Replace another export, or a folder with other files."),
         ("shot", "Overwrite files that exist."),
         ("surfaces", "Overwrite files that exist."),
     ],

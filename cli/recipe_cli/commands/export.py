@@ -10,7 +10,7 @@ import click
 from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, output_option, replace_option
-from recipe_cli.console import print_json, say, warn
+from recipe_cli.console import note, print_json, say, warn
 from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.progress import Progress
 
@@ -44,7 +44,7 @@ _MAX_NAMES = 20  # of sensors in a warning
     help="Size limit of a shard of webdataset; only a shard with a single frame may exceed it.",
 )
 @click.option("--patch", metavar="NAME", help="The patch that armory exports; default: the first of each variant.")
-@replace_option("Replace another export, but no other folder.")
+@replace_option("Replace another export, or a folder with other files.")
 @ALLOW_LARGE
 @JSON
 def command(
@@ -83,13 +83,15 @@ def command(
             help="write for example 500M or 1G",
             code=Code.OUT_OF_RANGE,
         )
-    found = read(dataset)
+    found, notices = read(dataset), list[str]()
     _check_size(found, form, allow_large=allow_large)
     if form != "webdataset":
         _export_layout(found, folder, cast("Layout", form), patch, replace=replace, as_json=as_json)
         return
     with Progress(quiet=as_json) as progress:
-        index = shards.webdataset(found, folder, progress, shard_bytes, replace=replace)
+        index = shards.webdataset(found, folder, progress, shard_bytes, replace=replace, notice=notices.append)
+    for text in notices:
+        note(text)
     if as_json:
         print_json(index)
         return
@@ -123,11 +125,16 @@ def _export_layout(
     from recipe_compiler.estimate import size
     from recipe_runtime.transfer import layouts
 
+    notices = list[str]()
     with Progress(quiet=as_json) as progress:
-        made = layouts.export_layout(dataset, folder, form, progress, patch=patch, replace=replace)
+        made = layouts.export_layout(
+            dataset, folder, form, progress, patch=patch, replace=replace, notice=notices.append
+        )
+    for text in notices:
+        note(text)
     if form == "kitti":
         _warn_of_distortion(dataset)
-    total = sum(row[0] for row in made["files"].values())
+    total = sum(cast("int", row[0]) for row in made["files"].values())
     left_out = {"left_out": _report_left_out(folder, made["files"], as_json)} if form == "armory" else {}
     if as_json:
         print_json({**made, "files": len(made["files"]), "bytes": total, **left_out})
@@ -167,5 +174,5 @@ def _report_left_out(folder: Path, files: Iterable[str], as_json: bool) -> int:
             )
         )
     elif rows and not as_json:
-        say(f"note: {table} has {count(rows, 'row')}: frames and videos that were left out, with the reasons", err=True)
+        note(f"{table} has {count(rows, 'row')}: frames and videos that were left out, with the reasons")
     return rows

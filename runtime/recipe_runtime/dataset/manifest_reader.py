@@ -101,9 +101,9 @@ def replaced(name: str) -> RunError:
     return RunError(f"{name} was replaced or changed while it was read; try again when nothing is written there")
 
 
-def stamp(root: Path, name: str = layout.MANIFEST) -> tuple[int, int, int] | None:
-    """Return a value that changes if another manifest, or index of an export, replaces that in a folder."""
-    found = regular_file(root, name)
+def stamp(root: Path) -> tuple[int, int, int] | None:
+    """Return a value that changes if another manifest replaces that in a folder."""
+    found = regular_file(root, layout.MANIFEST)
     return found and (found.st_ino, found.st_size, found.st_mtime_ns)
 
 

@@ -15,41 +15,21 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, TypedDict, cast
-
-from recipe_compiler.ir.canonical import canonical_bytes
-from recipe_compiler.ir.errors import Code, InputError
+from typing import Literal, TypedDict, cast
 
 from recipe_runtime.annotate import kitti
 from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
 from recipe_runtime.core import layout
-from recipe_runtime.core.documents import Meta
-from recipe_runtime.core.files import entries_below, host_errors, is_folder
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.dataset.manifest_reader import stamp
+from recipe_runtime.core.staged_folder import Notice, ignore
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.transfer import armory
-from recipe_runtime.transfer.export_folder import (
-    check_destination,
-    holds_files,
-    is_empty,
-    publish,
-    recover,
-    work_folder,
-)
-from recipe_runtime.transfer.export_index import read_index
+from recipe_runtime.transfer.export_folder import export
 from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 
 Layout = Literal["mots", "kitti", "armory"]
-INDEX = "index.json"
 _FORMAT = "recipe/layout/1"
-_INDEX_BYTES = 5000  # of the index, per frame: Armory's layouts have the most files
-_REMEDY = "free some space or choose another folder, then export again"
-
-
-FileRow: TypeAlias = tuple[int, str]  # size in bytes, SHA-256
-_Path: TypeAlias = Annotated[str, Meta(pattern=r"^(?!.*\.\.)[^/\0][^\0]*\Z")]  # within the export
 
 
 class _Choice(TypedDict, total=False):
@@ -59,10 +39,10 @@ class _Choice(TypedDict, total=False):
 class LayoutIndex(_Choice):
     """`index.json`: the dataset's identity, the layout, and size and SHA-256 of every file."""
 
-    format: Literal["recipe/layout/1"]
+    format: str
     dataset: str
     layout: str
-    files: dict[_Path, FileRow]
+    files: dict[str, list[int | str]]
 
 
 def export_layout(
@@ -73,6 +53,7 @@ def export_layout(
     *,
     patch: str | None = None,
     replace: bool = False,
+    notice: Notice = ignore,
 ) -> LayoutIndex:
     """Export all frames of a dataset, and return the index of the files.
 
@@ -82,38 +63,32 @@ def export_layout(
         form: the layout.
         progress: called to report progress.
         patch: for armory, the name of the patch to export; the first of each variant if None.
-        replace: whether an existing export may be replaced.
+        replace: whether an existing folder may be replaced.
+        notice: called with a line of text if a replaced folder is kept.
 
     Raises:
-        InputError: `out` exists and is not an export, a file of the dataset is damaged, or it lacks the patch.
-        RunError: the files cannot be written, or another export writes to `out`.
+        InputError: `out` exists and `replace` is not set, a file of the dataset is damaged, or it lacks the patch.
+        RunError: the files cannot be written, or another process writes to `out`.
     """
-    out = check_destination(out)
-    with host_errors(str(out), _REMEDY):
-        recover(out)
-    there, known = stamp(out, INDEX), _read_index(out, dataset)
-    made_from = {"dataset": dataset.lock.identity, "layout": form, **({} if patch is None else {"patch": patch})}
-    if known is not None and _made_from(known) == made_from and _is_complete(out, known, dataset):
-        return known
-    _check_replaceable(out, known, replace=replace)
+    made_from = {"format": _FORMAT, "dataset": dataset.lock.identity, "layout": form}
+    made_from |= {} if patch is None else {"patch": patch}
+    if form == "armory":
+        armory.check_patches(dataset, patch)
     sequences = [
         ExportSequence(dataset, variant, sensor, number, patch)
         for number, (variant, sensor) in enumerate((v, s) for v in dataset.plan.variants for s in v.rig.sensors)
     ]
-    if form == "armory":
-        armory.check_patches(dataset, patch)
-    entries = _LAYOUTS[form]
-    with host_errors(str(out), _REMEDY), work_folder(out, lambda _: True) as work:
-        files: dict[str, FileRow] = {}
+
+    def write(work: Path) -> dict[str, object]:
+        files: dict[str, list[int | str]] = {}
         for done, sequence in enumerate(sequences):
             progress("export", done, len(sequences))
-            files.update(_write(work, path, content) for path, content in entries(sequence))
+            files.update(_write(work, path, content) for path, content in _LAYOUTS[form](sequence))
         files.update(_write(work, path, content) for path, content in _LISTS[form](sequences))
         progress("export", len(sequences), len(sequences))
-        index = cast("LayoutIndex", {"format": _FORMAT, **made_from, "files": dict(sorted(files.items()))})
-        (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-        publish(work, out, None if known is None else lambda old: _is_export(old, known, there))
-    return index
+        return {"files": dict(sorted(files.items()))}
+
+    return cast("LayoutIndex", export(dataset, out, made_from, write, replace=replace, notice=notice))
 
 
 def _mots(sequence: ExportSequence) -> Iterator[Entry]:
@@ -171,7 +146,7 @@ _LISTS: dict[Layout, Callable[[list[ExportSequence]], Iterator[Entry]]] = {
 }
 
 
-def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, FileRow]:
+def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, list[int | str]]:
     """Write a file, and return its row of the index."""
     target, hasher, size = work / path, hashlib.sha256(), 0
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -180,48 +155,4 @@ def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, 
             file.write(piece)
             hasher.update(piece)
             size += len(piece)
-    return path, (size, hasher.hexdigest())
-
-
-def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -> None:
-    other = out.exists() and not is_empty(out) and (known is None or not _has_only(out, known))
-    if out.is_symlink() or other:
-        raise InputError(
-            f"{out} exists already and has files that do not belong to an export",
-            help="move it away, or choose another folder",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
-    if known is not None and not replace:
-        raise InputError(
-            f"{out} exists already and is a different export",
-            help="choose another folder, or replace it",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
-
-
-def _is_export(folder: Path, index: LayoutIndex, before: tuple[int, int, int] | None) -> bool:
-    """Return whether a folder contains only the export of an index, whose file had the stamp `before`."""
-    return stamp(folder, INDEX) == before and _has_only(folder, index)
-
-
-def _has_only(folder: Path, index: LayoutIndex) -> bool:
-    """Return whether a folder contains exactly the files of an index, besides folders."""
-    found = {p.relative_to(folder).as_posix() for p in entries_below(folder) if not is_folder(p)}
-    return found == {INDEX, *index["files"]}
-
-
-def _read_index(out: Path, dataset: Dataset) -> LayoutIndex | None:
-    """Return the index of an export; None if it is absent or damaged."""
-    return read_index(out, INDEX, dataset, _INDEX_BYTES, LayoutIndex)
-
-
-def _made_from(index: LayoutIndex) -> dict[str, object]:
-    """Return what an export was made from: dataset, layout and patch."""
-    return {key: value for key, value in index.items() if key not in ("format", "files")}
-
-
-def _is_complete(out: Path, known: LayoutIndex, dataset: Dataset) -> bool:
-    """Return whether a folder contains exactly the files of its index, with the bytes recorded there."""
-    rows = ((path, *row) for path, row in known["files"].items())
-    listed = known["layout"] != "armory" or armory.LEFT_OUT in known["files"]
-    return listed and _has_only(out, known) and holds_files(out, rows, dataset)
+    return path, [size, hasher.hexdigest()]

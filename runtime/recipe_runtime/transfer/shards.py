@@ -18,7 +18,7 @@ import tarfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final, Literal, TypedDict
+from typing import TypedDict, cast
 
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, RunError
@@ -26,42 +26,32 @@ from recipe_compiler.ir.plan import SensorPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import codecs, layout
-from recipe_runtime.core.documents import Meta
-from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
+from recipe_runtime.core.files import file_sha256, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.dataset.manifest_reader import stamp
+from recipe_runtime.core.staged_folder import Notice, ignore
 from recipe_runtime.dataset.reader import Dataset, labels
-from recipe_runtime.transfer.export_folder import (
-    MARKER,
-    check_destination,
-    holds_files,
-    is_empty,
-    publish,
-    recover,
-    work_folder,
-)
-from recipe_runtime.transfer.export_index import read_index
+from recipe_runtime.transfer.export_folder import export
 
-INDEX = "index.json"
 SHARD_BYTES = 1 << 30
-_FORMAT: Final = "recipe/webdataset/1"
-_INDEX_BYTES = 300  # of the index, per shard, which holds one frame or more
-_REMEDY = "free some space or choose another folder, then export again"
+_FORMAT = "recipe/webdataset/1"
 
 
 class ShardRecord(TypedDict):
     """A shard in the index: file name, number of samples, size in bytes and SHA-256."""
 
-    file: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*-[0-9]{6,}\.tar\Z")]
-    samples: Annotated[int, Meta(ge=0)]
-    size: Annotated[int, Meta(ge=0)]
+    file: str
+    samples: int
+    size: int
     sha256: str
+
+
+_ROW_TYPES = {"file": str, "samples": int, "size": int, "sha256": str}
 
 
 class ExportIndex(TypedDict):
     """`index.json`: the dataset's identity, the size limit of a shard in bytes, and the shards in order."""
 
-    format: Literal["recipe/webdataset/1"]
+    format: str
     dataset: str
     shard_bytes: int
     shards: list[ShardRecord]
@@ -102,6 +92,7 @@ def webdataset(
     shard_bytes: int = SHARD_BYTES,
     *,
     replace: bool = False,
+    notice: Notice = ignore,
 ) -> ExportIndex:
     """Export all frames of a dataset, and return the index.
 
@@ -111,49 +102,19 @@ def webdataset(
         progress: reports progress.
         shard_bytes: the size limit of a shard. A shard is closed before the sample that would exceed it, so only one
             with a single sample can be larger.
-        replace: whether an existing export may be replaced.
+        replace: whether an existing folder may be replaced.
+        notice: called with a line of text if a replaced folder is kept.
 
     Raises:
-        InputError: `out` exists and is not an export, or a file of the dataset is damaged.
-        RunError: the files cannot be written, or another export writes to `out`.
+        InputError: `out` exists and `replace` is not set, or a file of the dataset is damaged.
+        RunError: the files cannot be written, or another process writes to `out`.
     """
-    out = check_destination(out)
-    with host_errors(str(out), _REMEDY):
-        recover(out)
-    there, known = stamp(out, INDEX), _index_of(out, dataset)
-    same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
-    if known is not None and same and _is_complete(out, known, dataset):
-        return known
-    if out.is_symlink() or (out.exists() and not is_empty(out) and (known is None or _has_other_files(out, known))):
-        raise InputError(
-            f"{out} exists already and has files that do not belong to an export",
-            help="move it away, or choose another folder",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
-    if known is not None and not replace:
-        what = "an export of this dataset whose shards are damaged" if same else "another export"
-        raise InputError(
-            f"{out} exists already, and is {what}",
-            help="choose another folder, or replace it",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )
-    with host_errors(str(out), _REMEDY), work_folder(out, _has_only_shards) as work:
-        rows = _write(dataset, work, progress, shard_bytes)
-        index: ExportIndex = {
-            "format": _FORMAT,
-            "dataset": dataset.lock.identity,
-            "shard_bytes": shard_bytes,
-            "shards": rows,
-        }
-        (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-        publish(work, out, None if known is None else lambda old: _is_export(old, known, there))
-    return index
+    made_from: dict[str, str | int] = {"format": _FORMAT, "dataset": dataset.lock.identity, "shard_bytes": shard_bytes}
 
+    def write(work: Path) -> dict[str, list[ShardRecord]]:
+        return {"shards": _write(dataset, work, progress, shard_bytes)}
 
-def _has_only_shards(work: Path) -> bool:
-    found = sorted(work.iterdir())
-    names = all(path.name in (MARKER, INDEX) or path.suffix == ".tar" for path in found)
-    return names and all(regular_file(work, path.name) for path in found)
+    return cast("ExportIndex", export(dataset, out, made_from, write, replace=replace, notice=notice))
 
 
 def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[ShardRecord]:
@@ -242,27 +203,3 @@ def damaged_file(dataset: Dataset, what: str) -> InputError:
 
 def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
     return work / f"{dataset.plan.recipe}-{number:06d}.tar"
-
-
-def _is_export(folder: Path, index: ExportIndex, before: tuple[int, int, int] | None) -> bool:
-    """Return whether a folder contains only the export of an index, whose file had the stamp `before`."""
-    return stamp(folder, INDEX) == before and not _has_other_files(folder, index)
-
-
-def _has_other_files(out: Path, index: ExportIndex) -> bool:
-    """Return whether a folder has files that its index does not list, or lacks listed ones."""
-    found = sorted(out.iterdir())
-    names = {path.name for path in found}
-    return names != {INDEX, *(row["file"] for row in index["shards"])} or any(is_folder(path) for path in found)
-
-
-def _index_of(out: Path, dataset: Dataset) -> ExportIndex | None:
-    """Return the index of an export; None if it is absent or damaged."""
-    index = read_index(out, INDEX, dataset, _INDEX_BYTES, ExportIndex)
-    return index if index is not None and all(row["samples"] <= row["size"] for row in index["shards"]) else None
-
-
-def _is_complete(out: Path, index: ExportIndex, dataset: Dataset) -> bool:
-    """Return whether a folder contains exactly the shards of an index, with the recorded bytes."""
-    rows = ((row["file"], row["size"], row["sha256"]) for row in index["shards"])
-    return not _has_other_files(out, index) and holds_files(out, rows, dataset)
