@@ -7,6 +7,7 @@ from pathlib import Path
 
 from recipe_compiler.compile import TooLargeError as TooLargeError
 from recipe_compiler.compile import compile_recipe
+from recipe_compiler.compile import named_files as named_files
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 

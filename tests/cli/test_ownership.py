@@ -95,13 +95,21 @@ def test_the_commands_in_a_datasets_readme_do_not_change_it(recipe: Run, monkeyp
     commands = [line.split()[1:] for line in text.splitlines() if line.startswith("    recipe ")]
     assert [arguments[0] for arguments in commands] == ["verify", "build"]
     monkeypatch.chdir(dataset)
+    before = sorted(dataset.rglob("*"))
     for _ in range(2):
         for arguments in commands:
             extra = (
                 ["--integrity"] if arguments[0] == "verify" else []
             )  # (the remaining output is meaningless with these engines)
             assert recipe(*arguments, *extra).exit_code == 0
-    assert manifest("../small-again") == manifest(".")
+    assert manifest("../small-again") == manifest(".") and sorted(dataset.rglob("*")) == before
+
+
+def test_a_recipe_whose_name_a_pack_does_not_allow_is_built_without_a_pack(recipe: Run) -> None:
+    write("straße.yaml", RECIPE)
+    built = recipe("build", "straße.yaml")
+    assert "note: the dataset will not contain its recipe: 'straße.yaml' cannot be a file of a pack" in built.stderr
+    assert built.exit_code == 0 and "recipe_file" not in manifest("datasets/small")
 
 
 @pytest.mark.slow
@@ -158,7 +166,7 @@ def test_a_path_with_dots_through_the_dataset_is_replaced(recipe: Run) -> None:
     assert recipe("build", "a.yaml").exit_code == 0
     before = manifest("datasets/small")["plan"]
     write("a.yaml", OTHER_PLAN)
-    assert recipe("build", "a.yaml", "--output", "datasets/small/recipe/../../small").exit_code == 0
+    assert recipe("build", "a.yaml", "--output", "datasets/small/preview/../../small").exit_code == 0
     assert manifest("datasets/small")["plan"] != before
     assert sorted(path.name for path in Path("datasets").iterdir()) == [".small.source.json", "small"]
 

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from recipe_runtime.transfer import bundle
 
 from tests.cli.runner import run_here
 from tests.cli.test_commands import RECIPE
@@ -43,17 +44,15 @@ def test_a_lock_after_a_build_reuses_its_frames_and_equals_a_lock_without_it(pro
 @pytest.mark.slow
 def test_a_copied_dataset_is_verified_and_built_again_from_itself(project: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(project / "datasets/small", tmp_path / "copy")
-    assert {p.relative_to(copy).as_posix() for p in copy.glob("recipe/**/*.yaml")} == {
-        "recipe/small.yaml",
-        "recipe/parts/base.yaml",
-    }
+    assert set(bundle.read(copy / "small.recipe").files) == {"small.yaml", "parts/base.yaml"}
     readme = (copy / "README.md").read_text()
-    assert "<script>" not in readme and "recipe build recipe/small.yaml" in readme
+    assert "<script>" not in readme and "recipe build small.recipe" in readme
     verified = run_here("verify", copy, cwd=tmp_path)
     assert verified.returncode == 0 and verified.stdout.startswith("PASS"), verified.stdout + verified.stderr
-    built = run_here("build", copy / "recipe/small.yaml", "--out", "again", "--json", cwd=tmp_path)
+    built = run_here("build", copy / "small.recipe", "--out", "again", "--json", cwd=tmp_path)
     assert built.returncode == 0, built.stderr
     assert json.loads(built.stdout)["identity"] == json.loads((copy / "manifest.json").read_text())["identity"]
-    (copy / "recipe/parts/base.yaml").write_text(RECIPE + "# changed\n")
+    with (copy / "small.recipe").open("ab") as file:
+        file.write(b"changed")
     changed = run_here("verify", copy, "--integrity", cwd=tmp_path)
-    assert changed.returncode == 1 and "recipe/parts/base.yaml" in changed.stdout
+    assert changed.returncode == 1 and "small.recipe" in changed.stdout

@@ -179,7 +179,11 @@ def _inputs(request: Request) -> Inputs:
     _note_text(compiled, lock)
     from recipe_runtime.build.recipe_files import RecipeFiles
 
-    files: RecipeFiles | None = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
+    files: RecipeFiles | None = None
+    try:
+        files = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
+    except InputError as error:
+        note(f"the dataset will not contain its recipe: {error}")
     if request.locked or request.only_locked:
         plan = _locked_plan(recipe, compiled, lock, request.only_locked)
         if plan.digest != compiled.plan.digest:

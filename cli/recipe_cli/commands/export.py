@@ -163,9 +163,10 @@ def _report_left_out(folder: Path, files: Iterable[str], as_json: bool) -> int:
     from recipe_compiler.ir.errors import Code, Problem
     from recipe_runtime.transfer.armory import LEFT_OUT
 
-    table = folder / LEFT_OUT
-    with table.open("rb") as lines:
-        rows = sum(1 for _ in lines) - 1
+    table, rows = folder / LEFT_OUT, 0
+    if LEFT_OUT in files:
+        with table.open("rb") as lines:
+            rows = sum(1 for _ in lines) - 1
     if not any(file.endswith(".png") for file in files):
         remedy = f"{table} has the reasons"
         warn(

@@ -61,7 +61,7 @@ class Finisher:
         files = self.harvest.files()
         known = self.dataset, self.identity, self.videos
         annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._motion(trace), self._check]
-        place = self.sources.place if self.sources else None
+        place = layout.recipe_file(self.dataset.recipe) if self.sources else None
         rest = [*self._texts(closing_texts(*known, place)), *self._sheets(), self._recipe]
         for stage, tasks in (("annotate", annotate), ("finish", rest)):
             self.progress(stage, 0, len(tasks))
@@ -128,12 +128,9 @@ class Finisher:
         return {}
 
     def _recipe(self) -> dict[str, FileRow]:
-        """Write the recipe, the files that it uses, and its lockfile if that has the dataset's identity."""
-        files: dict[str, FileRow] = {}
-        found = self.sources.contents(self.dataset.recipe, self.identity) if self.sources else {}
-        for path, body in sorted(found.items()):
-            files |= self._write(path, body)
-        return files
+        """Write the pack of the recipe."""
+        name = self.dataset.recipe
+        return self._write(layout.recipe_file(name), self.sources.pack(name, self.identity)) if self.sources else {}
 
     def _sheets(self) -> Iterator[Task]:
         title = self.dataset.recipe

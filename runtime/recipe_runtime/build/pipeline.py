@@ -95,7 +95,7 @@ class BuildOptions:
             differ are rendered again.
         source: the recipe's file; with it, two recipes of one name are distinguished (`provenance`).
         replace: whether another folder may be replaced than a dataset of the same recipe.
-        recipe_files: files to put into the dataset's `recipe/` folder.
+        recipe_files: the recipe, which the dataset then contains as a pack.
         notice: called with a line of text if a replaced folder is kept.
     """
 

@@ -7,7 +7,6 @@ from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
 
 MANIFEST = "manifest.json"
 CARD = "README.md"
-RECIPE = "recipe"  # the folder of the recipe and of all that it uses
 KWCOCO = "annotations/kwcoco.json"
 MOTS_SPLIT = "MOTS-train"
 MOTS_SEQUENCES = f"mots/{MOTS_SPLIT}"
@@ -92,18 +91,13 @@ def label_copies(plan: DatasetPlan, variant: str, sensor: SensorPlan, frame: int
     return files
 
 
-def recipe_lockfile(name: str) -> str:
-    """The lockfile next to the recipe of that name."""
-    return f"{RECIPE}/lockfiles/{name}.lock"
-
-
-def is_recipe_file(path: str) -> bool:
-    """Whether a file belongs to the recipe in the dataset: the recipe, a file that it uses, its lockfile."""
-    return path.startswith(f"{RECIPE}/")
+def recipe_file(name: str) -> str:
+    """Return the pack of the recipe of that name."""
+    return f"{name}.recipe"
 
 
 def expected_files(plan: DatasetPlan) -> set[str]:
-    """The path of every file of a plan's dataset: no more and no fewer are in it, but for the recipe's own files."""
+    """The path of every file of a plan's dataset: no more and no fewer are in it, but for the recipe."""
     files = {MANIFEST, CARD, CONTACT_SHEET, OVERLAY_SHEET}
     files |= {KWCOCO} if "kwcoco" in plan.annotations else set()
     files |= {coco_file("rgb")} if "coco" in plan.annotations else set()
@@ -131,7 +125,6 @@ def check_names(dataset: DatasetPlan) -> None:
     """
     _claim({}, dataset.recipe, "recipe")
     taken: dict[str, str] = {"plans": "plans", "annotations": "annotations", "mots": "mots", "preview": "preview"}
-    taken[RECIPE] = RECIPE
     sequences: dict[str, str] = {}
     for variant in dataset.variants:
         _claim(taken, variant.variant, "variant")

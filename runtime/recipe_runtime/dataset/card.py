@@ -48,7 +48,7 @@ def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
         "This dataset was built from a recipe by Dataset Recipe (`manifest.json` names the version). The same version "
         "verifies it, and builds it again from the recipe alone, byte for byte:",
         f"    recipe verify .\n    recipe build {recipe} --output {again}",
-        *([f"`{layout.RECIPE}/` holds the recipe and every file that it uses."] if recipe_file else []),
+        *([f"`{recipe_file}` is a pack of the recipe and every file that it uses."] if recipe_file else []),
     ]
 
 

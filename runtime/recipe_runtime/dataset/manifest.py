@@ -6,7 +6,7 @@
     variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
                (`labels`: the label records); `intervals`: by sensor, every how manieth frame it takes, if not every
     files      size and SHA-256 of every file, except the manifest and the pictures
-    recipe_file  the recipe's path in the dataset, if the recipe and its files are included
+    recipe_file  the path of the recipe's pack in the dataset, if it is included
     pictures   the same for the files in preview/, which no digest covers, because fonts and scaling may change with
                Pillow
 
@@ -68,7 +68,7 @@ def head(dataset: DatasetPlan) -> ManifestHead:
 def manifest_text(
     dataset: DatasetPlan, harvest: FrameAssembly, files: Mapping[str, FileRow], recipe_file: str | None
 ) -> str:
-    """Return the manifest of a finished dataset; `recipe_file` is the recipe's path in it, if it is included."""
+    """Return the manifest of a finished dataset; `recipe_file` is the path of its recipe's pack, if included."""
     sensors: dict[str, FrameDigests] = {}
     for video in harvest.videos():
         pixels = {m: [v for _, v in sorted(frames.items())] for m, frames in harvest.pixels(video).items()}

@@ -51,7 +51,7 @@ class Dataset:
     lock: Lockfile
     files: dict[str, tuple[int, str]]  # path -> size, SHA-256
     name: str  # name in messages
-    recipe_file: str | None = None  # path of the recipe in the folder
+    recipe_file: str | None = None  # path of the recipe's pack in the folder
     plan_digests: Mapping[str, str] = field(default_factory=dict)  # variant -> digest of its plan
 
 
@@ -170,8 +170,7 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
     Every file is read once, in chunks. Links are reported and not followed.
     """
     expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
-    if dataset.recipe_file is not None:  # the recipe determines these files
-        expected |= {path for path in listed if layout.is_recipe_file(path)}
+    expected |= set() if dataset.recipe_file is None else {dataset.recipe_file}
     folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)
@@ -351,10 +350,10 @@ def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -
 
 
 def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:
-    """Return the recipe's path according to the manifest; ValueError if it is not a listed file of the recipe."""
+    """Return the path of the recipe's pack according to the manifest; ValueError if it is another file."""
     path = manifest.get("recipe_file")
-    if path is not None and (path not in files or not layout.is_recipe_file(path)):
-        raise ValueError("recipe_file is not a file of the recipe")
+    if path is not None and (path not in files or path != layout.recipe_file(manifest["recipe"])):
+        raise ValueError("recipe_file is not the pack of the recipe")
     return path
 
 

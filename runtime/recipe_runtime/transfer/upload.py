@@ -133,8 +133,6 @@ class Target:
         if not replace:
             self.check_replaceable(manifest["recipe"])
         rows, sizes = listed_files(manifest), self._sizes()
-        if not replace:
-            self._check_recipe_kept(manifest, rows)
         if self.existing == manifest and self._is_complete(rows, sizes):
             self._remove_empty_folders()
             return Copied(0, 0, len(rows))
@@ -254,21 +252,6 @@ class Target:
         folder.mkdir(parents=True, exist_ok=True)
         with suppress(FileNotFoundError):
             self._fs.rm_file(self._at(path))
-
-    def _check_recipe_kept(self, manifest: Manifest, rows: Rows) -> None:
-        """Raise InputError if the upload would remove a recipe of the same plan, or a lockfile of another identity."""
-        if self.existing is None or self.existing["plan"] != manifest["plan"]:
-            return
-        lockfile, files = layout.recipe_lockfile(manifest["recipe"]), self.existing["files"]
-        lost = None if any(map(layout.is_recipe_file, rows)) else next(filter(layout.is_recipe_file, files), None)
-        if lockfile in files and (lockfile not in rows or self.existing["identity"] != manifest["identity"]):
-            lost = lockfile
-        if lost is not None:
-            raise InputError(
-                f"{self.url} has {lost} of {self.existing['identity']}, which would be removed",
-                help="keep a copy of it and replace the dataset there, or choose another place",
-                code=Code.OUTPUT_IN_THE_WAY,
-            )
 
     def _remove_empty_folders(self) -> None:
         """Remove folders without a file on a local disk, which `verify` reports; interrupted uploads leave them."""

@@ -22,13 +22,11 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal
-from recipe_runtime.build.recipe_files import asset_places
 from recipe_runtime.build.resume import Resumption
 from recipe_runtime.build.worker import Job
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import host, layout
-from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.files import has_content
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
@@ -59,7 +57,7 @@ from recipe_runtime.verify.motion_comparison import (
     tracks_differ,
 )
 from recipe_runtime.verify.pictures import draw_differences
-from recipe_runtime.verify.recipe_comparison import recipe_differences
+from recipe_runtime.verify.recipe_comparison import recipe_differences, unpacked_assets
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
 from recipe_runtime.verify.version_comparison import version_notes
@@ -106,17 +104,18 @@ def verify(
         traces: the locked Traces by scene, for hosts whose own simulation need not agree.
         engines: simulation and renderer; None for the real ones.
     """
-    engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
     differences = _listed_differences(plan, lock, files, dataset)
-    mismatches, locked_traces = matching_traces(plan, lock, traces or {}, engines)
-    differences += mismatches
-    other = {d.variant for d in differences if d.stage == "plan"}
-    chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
-    if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan is untrusted
-        chosen = []
     pictures: list[str] = []
-    with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
+    temporary = tempfile.TemporaryDirectory
+    with leased(), temporary(prefix="recipe-verify-") as folder, temporary(prefix="recipe-assets-") as assets:
+        engines = engines or real_engines(unpacked_assets(dataset, Path(assets)))
+        mismatches, locked_traces = matching_traces(plan, lock, traces or {}, engines)
+        differences += mismatches
+        other = {d.variant for d in differences if d.stage == "plan"}
+        chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
+        if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan is untrusted
+            chosen = []
         check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, locked_traces)
         compared, found = check.run(chosen)
         differences += found

@@ -16,13 +16,11 @@ import fsspec
 import pytest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import BuildOptions, build
-from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.transfer import local_place
 from recipe_runtime.transfer.upload import MARKER, Copied, Target
 from recipe_runtime.transfer.upload_journal import UploadJournal
-from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -84,53 +82,6 @@ def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path
     assert not list(other.parent.glob(".*sent*"))
     if url.startswith("file"):  # `verify` reports folders without a file
         assert all(any(folder.iterdir()) for folder in Path(url[7:]).rglob("*") if folder.is_dir())
-
-
-@pytest.mark.parametrize("same", [True, False])
-def test_the_lockfile_of_a_published_dataset_is_not_removed_unless_replaced(
-    url: str, same: bool, tmp_path: Path
-) -> None:
-    """It may be the only copy: the recipe that the dataset was built from has none."""
-    plan = dataset_plan(frames=2, weathers=1)
-    locked = lock(plan, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
-    made = {
-        name: build(
-            plan,
-            tmp_path / name / "small",
-            BuildOptions(
-                workers=0,
-                cache=tmp_path / "cache",
-                engines=ENGINES,
-                recipe_files=RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: small\n"}, row),
-            ),
-        ).path
-        for name, row in (("with", locked), ("without", None))
-    }
-    put(url, made["with"])
-    if not same:  # another host drew a pixel otherwise
-        manifest = json.loads((made["without"] / "manifest.json").read_text())
-        (made["without"] / "manifest.json").write_text(json.dumps(manifest | {"identity": "other"}))
-    before = remote_files(url)
-    assert layout.recipe_lockfile(plan.recipe) in before
-    with pytest.raises(InputError, match=r"has recipe/lockfiles/tiny\.lock of .*, which would be removed"):
-        put(url, made["without"])
-    assert remote_files(url) == before
-    Target(url, made["without"]).put(lambda *_: None, replace=True)
-    assert remote_files(url) == local(made["without"])
-
-
-def test_the_recipe_of_a_published_dataset_is_not_removed_unless_replaced(url: str, tmp_path: Path) -> None:
-    """A build with `--only-locked` has no recipe of its plan if the recipe has further variants."""
-    plan, cache = dataset_plan(frames=2, weathers=1), tmp_path / "cache"
-    files = RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: small\n"})
-    whole = build(
-        plan, tmp_path / "a" / "small", BuildOptions(workers=0, cache=cache, engines=ENGINES, recipe_files=files)
-    ).path
-    bare = build(plan, tmp_path / "b" / "small", BuildOptions(workers=0, cache=cache, engines=ENGINES)).path
-    put(url, whole)
-    with pytest.raises(InputError, match=r"has recipe/tiny\.yaml of .*, which would be removed"):
-        put(url, bare)
-    assert remote_files(url) == local(whole)
 
 
 def with_files(root: Path, files: dict[str, bytes]) -> dict[str, bytes]:

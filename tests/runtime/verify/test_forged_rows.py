@@ -20,6 +20,7 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import STAGES, host_versions
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.frames.engines import real_engines
+from recipe_runtime.transfer.bundle import Pack
 from recipe_runtime.verify import sampling
 from recipe_runtime.verify.compare import Side
 from recipe_runtime.verify.diff import differences as compared
@@ -144,15 +145,15 @@ def test_a_lockfile_without_its_rows_of_bodies_fails(locked: Lockfile) -> None:
 
 @pytest.mark.slow
 def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile, copy: Path) -> None:
-    path = "recipe/lockfiles/tiny.lock"
-    (copy / path).parent.mkdir(parents=True)
+    path, name = "tiny.recipe", "lockfiles/tiny.lock"
     bodies = {key: replace(motion, digest="ab" * 32) for key, motion in locked.bodies.items()}
     for written, stages in ((locked, set()), (replace(locked, bodies=bodies), {"trace"})):
-        body = written.dumps().encode()
+        body = Pack("tiny.yaml", {"tiny.yaml": b"", name: written.dumps().encode()}).dumps()
         (copy / path).write_bytes(body)
         row = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
         edit_manifest(copy, lambda manifest, row=row: manifest["files"].update({path: row}))
-        found = [d for d in check_folder(copy).differences if d.message.startswith(f"{path}: ")]
+        edit_manifest(copy, lambda manifest: manifest.update(recipe_file=path))
+        found = [d for d in check_folder(copy).differences if d.message.startswith(f"{path}/{name}: ")]
         assert {d.stage for d in found if d.excuse is None} == stages
 
 
