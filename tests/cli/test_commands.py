@@ -262,7 +262,7 @@ def test_an_outdated_lockfile_is_reported_before_the_work(folder: Path, tmp_path
     (root / "mine" / "thesis.txt").touch()
     warning, refusal = problems(run_here("build", "small.yaml", "--out", "mine", cwd=root).stderr)
     assert warning.startswith("warning: lockfiles/small.lock is outdated: small.yaml has changed since it was locked;")
-    assert refusal.endswith("choose another folder (--output)")
+    assert refusal.endswith("or replace it (--replace)")
     (root / "small.yaml").write_text(RECIPE)
     (refusal,) = problems(run_here("build", "small.yaml", "--out", "mine", cwd=root).stderr)
 

@@ -157,33 +157,16 @@ def _inputs(request: Request) -> Inputs:
         InputError: the arguments contradict each other, the recipe does not compile, or it does not match a lockfile
             that it must match.
     """
-    from recipe_compiler.ir.errors import InputError
-
     recipe, output = request.recipe, request.output
     check_utf8(request.source)
-    if request.ray and request.device not in ("cpu", "cuda"):
-        raise InputError(f"--device {request.device}: on a cluster, every worker has a GPU of its own; write cuda")
-    folder = Path(output) if output and "://" not in output else None
-    if folder and output and (url := url_with_one_slash(output)):
-        raise InputError(f"{shown(output)}: there is no folder of that name", help=f"did you mean {shown(url)}?")
-    if request.repair and output and folder is None:
-        url = shown(output)
-        raise InputError(
-            f"--repair repairs a folder, not {url}; repair that, then build with --output {url} to copy it"
-        )
+    folder = _named_folder(request)
     workers = None if request.ray else worker_count(request.workers)  # a cluster's memory is not this host's
     free = free_disk(folder or Path())
     compiled = compile_quietly(recipe, allow_large=request.allow_large, free_disk=free, workers=workers)
     folder = folder or check_default_folder(Path("datasets")) / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
-    from recipe_runtime.build.recipe_files import RecipeFiles
-
-    files: RecipeFiles | None = None
-    try:
-        files = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
-    except InputError as error:
-        note(f"the dataset will not contain its recipe: {error}")
+    files = _packed_files(recipe, compiled, lock)
     if request.locked or request.only_locked:
         plan = _locked_plan(recipe, compiled, lock, request.only_locked)
         if plan.digest != compiled.plan.digest:
@@ -194,6 +177,43 @@ def _inputs(request: Request) -> Inputs:
         _warn_if_outdated(compiled, *lock)
     target = _target(output, folder, compiled.plan, request.replace) if output and "://" in output else None
     return Inputs(compiled, folder, lock, files, target)
+
+
+def _named_folder(request: Request) -> Path | None:
+    """Return the folder that the command names; None if it names none, or a URL.
+
+    Raises:
+        InputError: the arguments contradict each other.
+    """
+    from recipe_compiler.ir.errors import InputError
+
+    output = request.output
+    if request.ray and request.device not in ("cpu", "cuda"):
+        raise InputError(f"--device {request.device}: on a cluster, every worker has a GPU of its own; write cuda")
+    if output is None:
+        return None
+    if "://" not in output:
+        if url := url_with_one_slash(output):
+            raise InputError(f"{shown(output)}: there is no folder of that name", help=f"did you mean {shown(url)}?")
+        return Path(output)
+    if request.repair:
+        url = shown(output)
+        raise InputError(
+            f"--repair repairs a folder, not {url}; repair that, then build with --output {url} to copy it"
+        )
+    return None
+
+
+def _packed_files(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> RecipeFiles | None:
+    """Return the files of the recipe for the dataset; None, with a note, if a pack does not allow their names."""
+    from recipe_compiler.ir.errors import InputError
+    from recipe_runtime.build.recipe_files import RecipeFiles
+
+    try:
+        return RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
+    except InputError as error:
+        note(f"the dataset will not contain its recipe: {error}")
+        return None
 
 
 def _build(request: Request, inputs: Inputs) -> Outcome:
