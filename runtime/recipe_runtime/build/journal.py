@@ -6,7 +6,7 @@ Records are entries of the cache, whose keys cover everything that the frames de
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -77,8 +77,3 @@ class CacheJournal:
         key = digest("store/shard/1", [self._run, content])
         self._pictures[key] = shard.pictures
         return key
-
-
-def digests_only(records: Iterable[FrameRecord]) -> list[FrameRecord]:
-    """Return frame records without the visible objects, which rows of a lockfile do not need."""
-    return [{**record, "objects": []} for record in records]

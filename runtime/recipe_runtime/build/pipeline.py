@@ -214,7 +214,9 @@ class _Stages:
             if options.explain:
                 options.explain(list(reasons(reuse, [scene.digest for scene in new], taken)))
             shards = missing_shards(all_shards(self.dataset, options.shard_frames), taken)
-            resumed, seconds = render_unfinished(job, shards, options.workers, progress, assembly.add, work, run)
+            resumed, seconds = render_unfinished(
+                job, shards, options.workers, progress, assembly.add, work.resumption(), run
+            )
         for stage, value in seconds.items():
             self.timings.add(stage, value)
         finisher = Finisher(self.dataset, assembly, work, progress, self.timings, options.recipe_files)

@@ -5,28 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Protocol
 
 from recipe_compiler.ir.errors import RecipeError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build import local
-from recipe_runtime.build.journal import CacheJournal, digests_only
+from recipe_runtime.build.journal import CacheJournal
 from recipe_runtime.build.worker import Job
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.schedule import Shard, View, views
 
 Runner = Callable[[Job, Sequence[Shard], int, local.Done, Callable[[int], None]], local.Seconds]
-
-
-class FinishedShards(Protocol):
-    """Where the records of finished shards are kept: a build's workspace, or a journal in the cache."""
-
-    def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
-        """The records of a shard that an earlier run finished and that still hold; None if it is to be rendered."""
-
-    def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
-        """Record a finished shard."""
 
 
 @dataclass
@@ -36,20 +25,23 @@ class Resumption:
     Args:
         journal: the journal.
         usable: whether the records of a shard still hold.
+        objects: whether to keep the visible objects of frames, which annotations need and rows of a lockfile do not.
     """
 
     journal: CacheJournal
     usable: Callable[[list[FrameRecord]], bool] = lambda records: True
+    objects: bool = False
 
     def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
-        """The records of a shard that a stopped run finished and that still hold."""
+        """The records of a shard that a stopped run finished and that still hold; None if it is to be rendered."""
         records = self.journal.read(shard, view)
         return records if records is not None and self.usable(records) else None
 
     def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
         """Record a finished shard, if the cache can be written."""
+        kept: list[FrameRecord] = list(records) if self.objects else [{**record, "objects": []} for record in records]
         with suppress(RecipeError, OSError):
-            self.journal.write(shard, view, digests_only(records))
+            self.journal.write(shard, view, kept)
 
 
 def render_unfinished(
@@ -58,7 +50,7 @@ def render_unfinished(
     workers: int,
     progress: Progress,
     add: Callable[[Shard, list[FrameRecord]], None],
-    kept: FinishedShards | None = None,
+    kept: Resumption | None = None,
     run: Runner = local.run,
 ) -> tuple[list[Shard], local.Seconds]:
     """Render those of the shards that no earlier run has finished.

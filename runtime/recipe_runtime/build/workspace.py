@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
 
 from recipe_compiler.ir.canonical import digest
-from recipe_compiler.ir.errors import RecipeError
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.records import FileRow, FrameRecord
 from recipe_runtime.build.journal import CacheJournal
+from recipe_runtime.build.resume import Resumption
 from recipe_runtime.core.files import (
     atomic_file,
     entries_below,
@@ -75,28 +75,25 @@ class Workspace:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._folder.__exit__(kind, error, at)
 
-    def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
-        """Return the records of a shard finished by an earlier build, or None unless all of its files are complete."""
-        records = self._journal.read(shard, view)
+    def resumption(self) -> Resumption:
+        """Return the finished shards of earlier builds and of this one."""
+        return Resumption(self._journal, self._are_complete, objects=True)
+
+    def _are_complete(self, records: list[FrameRecord]) -> bool:
+        """Whether all files of some frames are there, with the recorded digests."""
         try:
-            rows = {path: row for record in records or () for path, row in record["files"].items()}
-            whole = all(has_content(self.dataset, path, size, sha256) for path, (size, sha256) in rows.items())
+            rows = {path: row for record in records for path, row in record["files"].items()}
+            return all(has_content(self.dataset, path, size, sha256) for path, (size, sha256) in rows.items())
         except (OSError, *DAMAGE):
-            return None
-        return records if whole else None
+            return False
 
     def noted(self, shard: Shard, view: View) -> bool:
-        """Whether an earlier build recorded a shard as finished; `finished` checks the files."""
+        """Whether an earlier build recorded a shard as finished; its files are not checked."""
         return (shard, view) in self._journal
 
     def kept(self) -> int:
         """Return the number of frames that an earlier build recorded as finished."""
         return self._journal.frames() if self._folder.is_continued() else 0
-
-    def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
-        """Record that a shard's files are in place, if the cache can be written."""
-        with suppress(RecipeError, OSError):
-            self._journal.write(shard, view, records)
 
     def write(self, path: str, body: bytes) -> None:
         """Write one of the dataset's files."""
