@@ -22,7 +22,7 @@ DOORS = {
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
     "PIL": {"recipe_compiler/ir/assets/png.py", "recipe_runtime/report/", "recipe_runtime/webdataset.py"},
     "msgspec": {"recipe_runtime/core/documents.py", "recipe_runtime/dataset/plan_reader.py"},
-    "fsspec": {"recipe_runtime/transfer/upload.py"},
+    "fsspec": {"recipe_runtime/transfer/stores.py"},
     "ray": {"recipe_runtime/build/ray.py"},
     "torch": {"recipe_runtime/torch.py"},
     "multiprocessing": {"recipe_runtime/build/local.py"},

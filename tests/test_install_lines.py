@@ -27,7 +27,7 @@ def wanted(text: str) -> list[str]:
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_pip_lines_name_existing_extras_and_requirements(path: Path) -> None:
     for what in wanted(path.read_text(encoding="utf-8")):
-        if what == "{library}":  # of remote.py
+        if what == "{library}":  # of stores.py
             continue
         extras = re.search(r"\[(.*)\]", what)
         if extras:
@@ -37,10 +37,15 @@ def test_pip_lines_name_existing_extras_and_requirements(path: Path) -> None:
             assert f'"{what}"' in PROJECT, f"{path}: pip install {what}"
 
 
-def test_the_libraries_of_stores_are_those_of_the_extras() -> None:
-    from recipe_runtime.transfer import upload
+def test_the_page_lists_each_scheme_with_the_extra_of_its_library() -> None:
+    from recipe_runtime.transfer.stores import SCHEMES
 
-    assert {f'"{library}"' for library in upload._LIBRARIES.values()} == {EXTRAS["s3"], EXTRAS["gcs"]}
+    table = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8").partition("| URL | place | extra |")[2]
+    rows = [row.split("|") for row in table.partition("\n\n")[0].splitlines()[2:]]
+    found = {scheme: row[3].strip(" `") for row in rows for scheme in re.findall(r"`(\w+)://", row[1])}
+    assert {scheme: EXTRAS[extra] if extra else '""' for scheme, extra in found.items()} == {
+        scheme: f'"{known.library}"' for scheme, known in SCHEMES.items()
+    }
 
 
 def test_the_check_detects_an_unknown_extra() -> None:

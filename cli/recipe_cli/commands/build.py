@@ -243,7 +243,7 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
                 notice=notices.append,
             )
             result = build(compiled.plan, inputs.folder, options)
-            copied = target.put(progress, replace=request.replace) if target else None
+            copied = target.put(progress, replace=request.replace, notice=notices.append) if target else None
     except KeyboardInterrupt:
         what, remedy = build_report.interruption(compiled.plan, inputs.folder, request.repair, target)
         fail([Problem(what, help=remedy, code=Code.INTERRUPTED)])

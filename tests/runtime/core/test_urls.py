@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.core import urls
-from recipe_runtime.transfer.upload import reported_errors
+from recipe_runtime.transfer.stores import reported_errors
 
 MASKED = {
     "s3://KEY:sec/ret@bucket/name": "s3://KEY:***@bucket/name",
