@@ -20,7 +20,7 @@ DOORS = {
     "astral": {"recipe_compiler/lowering/sun.py"},
     "zlib_ng": {"recipe_runtime/core/codecs.py"},
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
-    "PIL": {"recipe_compiler/ir/assets/png.py", "recipe_runtime/report/", "recipe_runtime/webdataset.py"},
+    "PIL": {"recipe_compiler/ir/assets/png.py", "recipe_runtime/report/", "recipe_runtime/modalities/reading.py"},
     "msgspec": {"recipe_runtime/core/documents.py", "recipe_runtime/dataset/plan_reader.py"},
     "fsspec": {"recipe_runtime/transfer/stores.py"},
     "ray": {"recipe_runtime/build/ray.py"},

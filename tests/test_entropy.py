@@ -40,7 +40,7 @@ LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log
         "arcsin", "arccos", "deg2rad", "rad2deg", "power", "float_power"}  # fmt: skip
 BLAS = {"dot", "matmul", "inner", "outer", "tensordot", "einsum", "vdot", "linalg", "geomspace", "logspace", "cross"}
 # Pictures for viewing only; no digest covers them.
-FOR_VIEWING = ("recipe_runtime/report/", "recipe_runtime/frames/colormaps.py")
+FOR_VIEWING = ("recipe_runtime/report/", "recipe_runtime/modalities/colormaps.py")
 EXACT_PI = {"pi"}
 
 

@@ -25,7 +25,9 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "recipe_runtime": (
         ("core", "body"),
         ("cache", "meshes"),
-        ("annotate", "render", "simulation"),
+        ("render", "simulation"),
+        ("modalities",),
+        ("annotate",),
         ("dataset", "insertion"),
         ("frames",),
         ("attacks",),

@@ -128,7 +128,7 @@ def _compile(path: Path, sources: merge.Sources, allow_large: bool) -> Compiled:
         description=recipe.description,
         variants=tuple(plans),
         annotations=recipe.output.annotations,
-        depth=recipe.output.depth,
+        forms=recipe.output.forms,
     )
     clashes = expand.clashes(root, axes, recipe.sweep)
     warnings = _sorted(clashes, plausibility.of_weather(root), warnings)

@@ -2,17 +2,18 @@
 
 The estimate is computed from the plan alone, so it is the same for a recipe and for a dataset's own plan. It is right
 within a factor of 2 for recipes that people build: `make bench-estimates` compares the estimates of ten recipes with
-their builds, which the constants are fitted to.
+their builds, which the constants are fitted to. `ir.modalities` has those of pictures.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from recipe_compiler.ir import optics
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
+from recipe_compiler.ir.modalities import KINDS, Form, form_of
 from recipe_compiler.ir.patches import WITH_CHART
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plurals import count
@@ -41,11 +42,6 @@ _MESH = 130_000  # bytes of memory: meshes of an element of a scene, in each wor
 _DECODED = 16  # bytes of memory: a byte of a mesh or an image, in each worker
 _SAMPLE = 300  # bytes of memory: a sample of a picture, kept while its camera is at rest
 _RECORD = 1500  # bytes of memory: an actor in a frame of a variant, until the annotations are written
-
-# Encoded bytes per pixel, and seconds of encoding per million pixels, of each kind of file. In the picture of a level
-# static camera, each row of the ground has one depth.
-_BYTES = {"rgb": 1.52, "depth": 0.5, "level depth": 0.15, "depth as npy": 4.9, "instance": 0.006, "semantic": 0.016}
-_ENCODE = {"rgb": 0.015, "depth": 0.02, "level depth": 0.02, "depth as npy": 0.01, "instance": 0.003, "semantic": 0.003}
 
 _BLOCK = 4096  # bytes: block of the file system
 _PREVIEW = 1_200_000  # bytes: contact sheets, at most
@@ -164,7 +160,7 @@ def estimate(plan: DatasetPlan) -> Cost:
     rows = sum(_frames(v, sensor) * len(v.scene.actors) for v in variants for sensor in v.rig.sensors)
     alone = _START + sum(map(_simulating, scenes.values()))
     shared = sum(_bodies(scene) * _LOAD for scene in scenes.values())
-    shared += sum(_observing(v, sensor, plan.depth) for v in observed.values() for sensor in v.rig.sensors)
+    shared += sum(_observing(v, sensor, plan.forms) for v in observed.values() for sensor in v.rig.sensors)
     shared += sum(_files(v) * _FILE for v in observed.values())
     shared += sum(_shading(v, sensor) for v in variants for sensor in v.rig.sensors if "rgb" in sensor.capture)
     return Cost(
@@ -219,17 +215,17 @@ def _simulating(scene: ScenePlan) -> float:
     return steps * (_STEP + len(scene.actors) * _ACTOR_STEP)
 
 
-def _observing(variant: ScenarioPlan, sensor: SensorPlan, depth: str) -> float:
+def _observing(variant: ScenarioPlan, sensor: SensorPlan, forms: Mapping[str, str]) -> float:
     """Seconds of the work that all appearances of a sensor share."""
     frame = _FRAME + len(variant.scene.actors) * _ACTOR_FRAME
-    frame += sum(_encoding(kind)[1] for kind in _kinds(sensor, depth)) * _pixels(sensor) / 1e6
+    frame += sum(form.seconds for form in _label_forms(sensor, forms)) * _pixels(sensor) / 1e6
     return _frames(variant, sensor) * frame + _whole(variant, sensor) * _samples(variant, sensor) / 1e6 * _LABEL_SAMPLES
 
 
 def _shading(variant: ScenarioPlan, sensor: SensorPlan) -> float:
     """Seconds to render and write the pictures of one appearance."""
     mega = _samples(variant, sensor) / 1e6
-    frame = _FRAME + len(variant.scene.actors) * _ACTOR_FRAME + _encoding("rgb")[1] * _pixels(sensor) / 1e6
+    frame = _FRAME + len(variant.scene.actors) * _ACTOR_FRAME + form_of("rgb", {}).seconds * _pixels(sensor) / 1e6
     frame += mega * (_STILL_SAMPLES + _passes(variant, sensor) * _PASS)
     return _frames(variant, sensor) * frame + _whole(variant, sensor) * mega * (_SAMPLES - _STILL_SAMPLES)
 
@@ -246,17 +242,16 @@ def _passes(variant: ScenarioPlan, sensor: SensorPlan) -> float:
     return passes + min(max(moments, 1.0), _MAX_MOMENTS)
 
 
-def _kinds(sensor: SensorPlan, depth: str) -> list[str]:
-    """The kinds of files that are written once for all appearances, as `_encoding` takes them."""
+def _label_forms(sensor: SensorPlan, forms: Mapping[str, str]) -> list[Form]:
+    """The forms of the files that are written once for all appearances."""
+    return [form_of(name, forms) for name in sensor.capture if KINDS[name].is_label]
+
+
+def _file_bytes(sensor: SensorPlan, form: Form) -> int:
+    """Bytes of a file. In the picture of a level static camera, each row of the ground has one depth."""
     pose = sensor.poses[0]
     is_level = _is_still(sensor) and pose.pitch == pose.roll == 0.0 and not optics.bends(sensor.camera)
-    own = "depth as npy" if depth == "npy" else "level depth" if is_level else "depth"
-    return [own if modality == "depth" else modality for modality in sensor.capture if modality != "rgb"]
-
-
-def _encoding(kind: str) -> tuple[float, float]:
-    """Return the encoded bytes per pixel of a kind of file, and the seconds of encoding a million pixels."""
-    return _BYTES[kind], _ENCODE[kind]
+    return int(_pixels(sensor) * (form.size if form.level_size is None or not is_level else form.level_size))
 
 
 def _pixels(sensor: SensorPlan) -> int:
@@ -265,12 +260,11 @@ def _pixels(sensor: SensorPlan) -> int:
 
 def _disk(plan: DatasetPlan, observed: Iterable[ScenarioPlan]) -> int:
     """Bytes on disk of pictures, plans and contact sheets."""
-    pictures = [(v, sensor, kind) for v in observed for sensor in v.rig.sensors for kind in _kinds(sensor, plan.depth)]
+    sensors = [(v, sensor) for v in observed for sensor in v.rig.sensors]
+    pictures = [(v, sensor, form) for v, sensor in sensors for form in _label_forms(sensor, plan.forms)]
     shown = [(v, sensor) for v in plan.variants for sensor in v.rig.sensors if "rgb" in sensor.capture]
-    pictures += [(v, sensor, "rgb") for v, sensor in shown]
-    blocks = sum(
-        _frames(v, sensor) * -(-int(_pixels(sensor) * _encoding(kind)[0]) // _BLOCK) for v, sensor, kind in pictures
-    )
+    pictures += [(v, sensor, form_of("rgb", {})) for v, sensor in shown]
+    blocks = sum(_frames(v, sensor) * -(-_file_bytes(sensor, form) // _BLOCK) for v, sensor, form in pictures)
     plans = sum(_bodies(v.scene) * _TEXT for v in plan.variants)
     return blocks * _BLOCK + plans + min(4 * sum(_pixels(sensor) for _, sensor in shown), _PREVIEW)
 

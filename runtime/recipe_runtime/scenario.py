@@ -34,12 +34,12 @@ from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.modalities import label_array
 
 if TYPE_CHECKING:
     from recipe_runtime.attacks.inserted_view import InsertedView

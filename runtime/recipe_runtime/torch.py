@@ -52,8 +52,8 @@ Sample = dict[str, Any]
 class RecipeDataset(Dataset[Sample]):
     """All frames of all sensors of all variants, in the recipe's order.
 
-    A sample has `variant`, `sensor` and `frame`, and a tensor for each modality: rgb uint8 [3, H, W]; depth float32
-    [H, W] in metres; instance int32 [H, W]; semantic uint8 [H, W].
+    A sample has `variant`, `sensor` and `frame`, and a tensor for each modality with the values that docs/dataset.md
+    lists, channels first: rgb uint8 [3, H, W], depth float32 [H, W] in metres. Tensors of uint16 arrays are int32.
 
     Args:
         recipe: Path of a recipe, or its plan.
@@ -111,7 +111,7 @@ class RecipeDataset(Dataset[Sample]):
         scenario, sensor, frame = self._at(index)
         sample: Sample = {"variant": scenario.variant, "sensor": sensor, "frame": frame}
         for modality in scenario.modalities(sensor) if self._modalities is None else self._modalities:
-            sample[modality] = _tensor(modality, scenario.render(frame, sensor, modality))
+            sample[modality] = _tensor(scenario.render(frame, sensor, modality))
         if self._target:
             sample["target"] = _target(scenario.labels(frame, sensor))
         return self._transform(sample) if self._transform else sample
@@ -139,8 +139,8 @@ def _check(scenario: Scenario, sensor: str, modalities: Sequence[str]) -> None:
             raise InputError(f"the sensor {sensor} does not capture {modality!r}; it captures {', '.join(captured)}")
 
 
-def _tensor(modality: str, pixels: NDArray[np.generic]) -> torch.Tensor:
-    if modality == "rgb":
+def _tensor(pixels: NDArray[np.generic]) -> torch.Tensor:
+    if pixels.ndim == 3:
         return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1)))
     return torch.from_numpy(pixels.astype(np.int32) if pixels.dtype == np.uint16 else pixels)
 

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan import (
     ActorPlan,
     AppearancePlan,
@@ -31,6 +32,7 @@ from recipe_compiler.ir.plan import (
 from recipe_compiler.library.blueprints import match
 from recipe_runtime.annotate.calibration import calibration
 from recipe_runtime.annotate.records import LabelledFrame
+from recipe_runtime.core.interfaces import LabelPass
 from recipe_runtime.core.trace import METRE, UNIT, ContactEvent, Trace
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.frames.engines import Engines
@@ -66,7 +68,7 @@ def sensor_plan(
 ) -> SensorPlan:
     poses = tuple(Pose(z=1.0, y=shake * (k % 3 - 1)) for k in range(frames if shake else 1))
     camera = CameraPlan(width=64, height=48, fov=90)
-    capture = capture or ("rgb", "depth", "instance", "semantic")
+    capture = capture or MODALITIES
     return SensorPlan(name=name, camera=camera, capture=tuple(capture), poses=poses)
 
 
@@ -92,9 +94,8 @@ def dataset_plan(frames: int = 12, weathers: int = 2, **outputs: object) -> Data
         "recipe": "tiny",
         "description": "Boxes slide past.",
         "annotations": ("kwcoco", "coco", "mots_txt", "mots_png"),
-        "depth": "carla",
     }
-    return DatasetPlan(**{**fields, "variants": tuple(variants), **outputs})
+    return DatasetPlan.model_validate({**fields, "variants": tuple(variants), **outputs})
 
 
 def simulate(scene: ScenePlan) -> Trace:
@@ -135,6 +136,13 @@ class Seen:
     instance: NDArray[np.uint16]
     semantic: NDArray[np.uint8]
     objects: list[View]
+
+    def drawn(self, label_pass: LabelPass) -> NDArray[np.generic]:
+        """Return an array whose last channel is 1 where there is an actor; all else is 0."""
+        height, width = self.instance.shape
+        array = np.zeros((height, width, label_pass.channels), label_pass.dtype)
+        array[..., -1] = self.instance > 0
+        return array.reshape(label_pass.shape(width, height))
 
 
 NO_LABELS: LabelledFrame = {
@@ -185,6 +193,7 @@ class Renderer:
         appearances: Sequence[AppearancePlan],
         in_flight: int,
         patched: Sequence[AppearancePlan],
+        label_passes: Sequence[LabelPass],
     ) -> NoReturn:
         raise AssertionError("a CPU renders its frames one by one")
 

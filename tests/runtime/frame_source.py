@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_runtime.annotate.records import LabelledFrame
-from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.modalities import label_array
 
 
 class FrameSource:

@@ -21,9 +21,10 @@ from PIL import Image
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.build.pipeline import BuildOptions, build
-from recipe_runtime.core import codecs, layout
+from recipe_runtime.core import layout
 from recipe_runtime.frames.engines import Engines, SceneRenderer
 from recipe_runtime.loading import compiled
+from recipe_runtime.modalities import declared
 from recipe_runtime.scenario import Scenario, Scenes
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -53,9 +54,8 @@ def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
         for sensor in reversed(scenario.sensors):
             for modality in reversed(scenario.modalities(sensor)):
                 ours = scenario.render(frame, sensor, modality)
-                file = _read(built / layout.frame_file(RAIN, sensor, modality, frame, "carla"))
-                if modality == "depth":
-                    ours = codecs.carla_depth(ours.astype(np.float32))
+                file = _read(built / layout.frame_file(RAIN, sensor, modality, frame, {}))
+                ours = declared(modality).files["png"].store(ours)
                 np.testing.assert_array_equal(ours, file, err_msg=f"{frame} {sensor} {modality}")
 
 

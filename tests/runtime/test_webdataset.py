@@ -29,7 +29,7 @@ QUIET = pytest.mark.filterwarnings(
 )  # the library leaves shards open
 
 
-def plan_of(**outputs: str) -> DatasetPlan:
+def plan_of(**outputs: object) -> DatasetPlan:
     """Return a plan of one camera that captures every modality."""
     plan = dataset_plan(frames=4, weathers=1)
     (variant, _) = plan.variants
@@ -52,7 +52,7 @@ def exported(plan: DatasetPlan, folder: Path, count: int = 4) -> Dataset:
 @QUIET
 @pytest.mark.parametrize("depth", ["carla", "npy"])
 def test_decoded_frames_equal_the_rendered_ones(tmp_path: Path, depth: str) -> None:
-    plan = plan_of(depth=depth)
+    plan = plan_of(forms={"depth": depth})
     exported(plan, tmp_path)
     tars = [str(path) for path in sorted(tmp_path.glob("shards/*/*.tar"))]
     samples = list(webdataset.WebDataset(tars, shardshuffle=False).decode(decode))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from recipe_compiler.ir.modalities import MODALITIES
 
 from recipe_cli import completion
 from recipe_cli.arguments import (
@@ -41,7 +42,7 @@ _LONGEST = 140  # characters of recipe and variant in the name of a picture, as 
     "--modality",
     metavar="NAME",
     shell_complete=completion.modalities,
-    help="rgb, depth, instance or semantic; rgb if it is captured.",
+    help=f"{', '.join(MODALITIES[:-1])} or {MODALITIES[-1]}; rgb if it is captured.",
 )
 @output_option(LocalPath(path_type=Path, dir_okay=False), "The PNG file to write.")
 @click.option("--map", "as_map", is_flag=True, help="Draw the town from above instead; RECIPE may be a town's name.")

@@ -16,8 +16,17 @@ from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, RootModel, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    RootModel,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
+from recipe_compiler.ir import modalities
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.patches import Patches
@@ -304,7 +313,9 @@ class DatasetPlan(Plan):
     description: Annotated[str, Field(max_length=MAX_DESCRIPTION)]
     variants: Annotated[tuple[ScenarioPlan, ...], Field(max_length=MAX_VARIANTS)]
     annotations: Annotated[tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...], Field(max_length=4)]
-    depth: Literal["carla", "npy"]  # depth on disk: CARLA's 24-bit PNG, or float32 metres
+    forms: Annotated[dict[str, str], AfterValidator(modalities.checked)] = Field(
+        default_factory=dict, validate_default=True
+    )  # of the files of modalities that have several
 
     def named(self, name: str | None) -> ScenarioPlan:
         """The variant of that name; the first one for None.
@@ -328,16 +339,17 @@ class DatasetPlan(Plan):
             )
         return by_name[name]
 
+    @property
+    def outputs(self) -> dict[str, list[str] | str]:
+        """The annotation formats, and the form of each listed modality by its name, as plain JSON values."""
+        return {"annotations": list(self.annotations), **self.forms}
+
     @cached_property
     def digest(self) -> str:
         """Identity of the recipe's meaning: every variant's name and digest, and the outputs asked for."""
         return digest(
             "plan/dataset/1",
-            {
-                "variants": [[v.variant, v.digest] for v in self.variants],
-                "annotations": list(self.annotations),
-                "depth": self.depth,
-            },
+            {"variants": [[v.variant, v.digest] for v in self.variants], **self.outputs},
         )
 
 

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from recipe_compiler.ir import optics
-from recipe_compiler.ir.modalities import Modality
+from recipe_compiler.ir.modalities import MODALITIES, Modality
 from recipe_compiler.schema.fields import (
     ActorName,
     Degrees,
@@ -138,9 +138,7 @@ class Sensor(Model):
     capture: Annotated[
         tuple[Modality, ...],
         AfterValidator(distinct),
-        Field(
-            strict=False, min_length=1, description="Modalities to record, a list of rgb, depth, instance, semantic."
-        ),
+        Field(strict=False, min_length=1, description=f"Modalities to record, a list of {', '.join(MODALITIES)}."),
     ]
     motion: Annotated[Motion, Field(description="Motion relative to the mount. Default: none.")] = Motion()
     tick: Annotated[

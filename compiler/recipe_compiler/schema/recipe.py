@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AfterValidator, Field, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints, create_model
 
+from recipe_compiler.ir.modalities import CHOICES, Form
 from recipe_compiler.ir.patches import MAX_PATCHES
 from recipe_compiler.ir.plan_types import MAX_SENSORS
 from recipe_compiler.schema.camera import Sensor
@@ -38,7 +39,7 @@ class Base(Model):
     sensors: Annotated[dict[Name, Sensor], Field(min_length=1, max_length=MAX_SENSORS, description="Sensors by name.")]
 
 
-class Output(Model):
+class _Output(Model):
     """The files written in addition to the frames."""
 
     annotations: Annotated[
@@ -46,10 +47,25 @@ class Output(Model):
         AfterValidator(distinct),
         Field(strict=False, description="List of annotation formats."),
     ] = ("kwcoco", "coco")
-    depth: Annotated[
-        Literal["carla", "npy"],
-        Field(description="File format of depth: carla is CARLA's 24-bit PNG, npy is float32 in metres."),
-    ] = "carla"
+
+    @property
+    def forms(self) -> dict[str, str]:
+        """The form of the files of each modality that has several, by modality."""
+        return {name: getattr(self, name) for name in CHOICES}
+
+
+def _choice(name: str, forms: tuple[Form, ...]) -> tuple[object, str]:
+    """Return type and default of the key that chooses among the forms of a modality."""
+    text = ", ".join(f"{form.name} is {form.help}" for form in forms)
+    chosen = Literal[tuple(form.name for form in forms)]  # type: ignore[valid-type]
+    return Annotated[chosen, Field(description=f"File format of {name}: {text}.")], forms[0].name
+
+
+if TYPE_CHECKING:
+    Output = _Output
+else:
+    keys = {name: _choice(name, forms) for name, forms in CHOICES.items()}
+    Output = create_model("Output", __base__=_Output, __doc__=_Output.__doc__, __module__=__name__, **keys)
 
 
 class Recipe(Model):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from recipe_compiler.ir.modalities import form_of
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
@@ -17,16 +18,9 @@ from recipe_runtime.annotate.ids import UniqueIds, annotation_id, image_id, trac
 from recipe_runtime.annotate.records import FrameRecord, Video, by_variant
 from recipe_runtime.annotate.rows import tables
 from recipe_runtime.core import layout
+from recipe_runtime.modalities import declared
 
 Row = dict[str, object]
-
-_CHANNELS = {
-    ("rgb", "png"): "red|green|blue",
-    ("depth", "png"): "depth_low|depth_middle|depth_high",
-    ("depth", "tif"): "depth",
-    ("instance", "png"): "instance",
-    ("semantic", "png"): "semantic",
-}
 
 
 def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iterator[str]:
@@ -53,7 +47,7 @@ def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iter
     )
 
 
-def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], modality: str) -> Iterator[str]:
+def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], captured: str) -> Iterator[str]:
     """Yield the text of the flat COCO file for the images of one modality.
 
     File names are relative to the dataset's folder.
@@ -61,14 +55,14 @@ def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], moda
     Raises:
         InputError: Two rows of a table have one id.
     """
-    captured = [video for video in videos if modality in video.sensor.capture]
+    chosen = [video for video in videos if captured in video.sensor.capture]
     return tables(
         {
             "info": _info(dataset, identity),
             "licenses": _LICENSES,
             "categories": category_rows(),
-            "images": _flat_images(dataset, captured, modality),
-            "annotations": _annotations(captured),
+            "images": _flat_images(dataset, chosen, captured),
+            "annotations": _annotations(chosen),
         }
     )
 
@@ -125,20 +119,20 @@ def _images(dataset: DatasetPlan, videos: Sequence[Video]) -> Iterator[Row]:
             frame, assets = record["frame"], []
             row = _image(video, record, ids)
             size = {"width": row["width"], "height": row["height"]}
-            for modality in video.sensor.capture:
-                path = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
-                if (modality, dataset.depth) == ("depth", "npy"):
-                    path = layout.depth_tiff_file(video.variant, video.sensor.name, frame)
-                channels = _CHANNELS[modality, path.rpartition(".")[2]]
-                assets.append({"file_name": f"../{path}", "channels": channels, "modality": modality, **size})
+            for name in video.sensor.capture:
+                form = form_of(name, dataset.forms)
+                ending = form.copy or form.ending
+                path = layout.modality_file(video.variant, video.sensor.name, name, frame, ending)
+                bands = declared(name).files[ending].bands
+                assets.append({"file_name": f"../{path}", "channels": bands, "modality": name, **size})
             yield {**row, "name": f"{video.name}/{frame:06d}", "file_name": None, "assets": assets}
 
 
-def _flat_images(dataset: DatasetPlan, videos: Sequence[Video], modality: str) -> Iterator[Row]:
+def _flat_images(dataset: DatasetPlan, videos: Sequence[Video], captured: str) -> Iterator[Row]:
     ids = UniqueIds("images")
     for video in videos:
         for record in video.frames:
-            name = layout.frame_file(video.variant, video.sensor.name, modality, record["frame"], dataset.depth)
+            name = layout.frame_file(video.variant, video.sensor.name, captured, record["frame"], dataset.forms)
             row = {**_image(video, record, ids), "file_name": name}
             yield {**row, "license": 1, "date_captured": "", "coco_url": "", "flickr_url": ""}
 

@@ -138,5 +138,5 @@ class Finisher:
         yield lambda: self._write(layout.OVERLAY_SHEET, overlay_sheet(title, self.videos, self._picture))
 
     def _picture(self, video: Video, frame: int) -> Path:
-        path = layout.frame_file(video.variant, video.sensor.name, "rgb", frame, self.dataset.depth)
+        path = layout.frame_file(video.variant, video.sensor.name, "rgb", frame, self.dataset.forms)
         return self.work.dataset / path

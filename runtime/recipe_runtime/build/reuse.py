@@ -17,6 +17,7 @@ from pathlib import Path
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import VariantRow
+from recipe_compiler.ir.modalities import CHOICES, form_of
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
@@ -127,8 +128,8 @@ class Reuse:
         names = [self.plan.variants[n].variant for n in variants]
         files: dict[str, FileRow] = {}
         for modality in (m for m in view.sensor.capture if m != "rgb"):
-            source = layout.frame_file(old.variant, sensor.name, modality, frame, self.plan.depth)
-            paths = [layout.frame_file(n, view.sensor.name, modality, frame, self.plan.depth) for n in names]
+            source = layout.frame_file(old.variant, sensor.name, modality, frame, self.plan.forms)
+            paths = [layout.frame_file(n, view.sensor.name, modality, frame, self.plan.forms) for n in names]
             files |= self._linked(work, source, paths)
         copies = [layout.label_copies(self.plan, name, view.sensor, frame) for name in names]
         for form, source in layout.label_copies(self.plan, old.variant, sensor, frame).items():
@@ -137,8 +138,8 @@ class Reuse:
         for index, name in zip(variants, names, strict=True):
             picture = self._picture(view, index)
             if "rgb" in view.sensor.capture and picture is not None:
-                source = layout.frame_file(picture, sensor.name, "rgb", frame, self.plan.depth)
-                path = layout.frame_file(name, view.sensor.name, "rgb", frame, self.plan.depth)
+                source = layout.frame_file(picture, sensor.name, "rgb", frame, self.plan.forms)
+                path = layout.frame_file(name, view.sensor.name, "rgb", frame, self.plan.forms)
                 files |= self._linked(work, source, [path])
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
             if self.plan.variants[index].appearance.patches and picture is not None:
@@ -222,10 +223,10 @@ def _why(reuse: Reuse) -> str:
     return "a scene or sensor that the earlier dataset has not"
 
 
-def _forms(plan: DatasetPlan) -> tuple[str, bool, bool]:
+def _forms(plan: DatasetPlan) -> tuple[dict[str, str], bool, bool]:
     """Return the settings that the files of a frame depend on, besides its pixels."""
-    tiff = plan.depth == "npy" and "kwcoco" in plan.annotations
-    return plan.depth, "mots_png" in plan.annotations, tiff
+    copies = "kwcoco" in plan.annotations and any(form_of(name, plan.forms).copy for name in CHOICES)
+    return plan.forms, "mots_png" in plan.annotations, copies
 
 
 def _some(names: Sequence[str]) -> str:

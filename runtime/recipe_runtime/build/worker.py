@@ -6,17 +6,17 @@ Files are written atomically, one by one. Digests and records leave the worker, 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import RecipeError, RunError
-from recipe_compiler.ir.modalities import LABEL_MODALITIES
+from recipe_compiler.ir.modalities import LABEL_MODALITIES, form_of
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.mots import mots_picture
@@ -27,11 +27,11 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs, layout
 from recipe_runtime.core.files import link_or_copy, write_atomic
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.core.modalities import label_array, pixel_digest
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.dataset.schedule import Shard, View, views
 from recipe_runtime.frames.engines import Engines, SceneRenderer
 from recipe_runtime.frames.source import Made, SceneSource
+from recipe_runtime.modalities import declared, label_array, pixel_digest
 
 
 @dataclass(frozen=True)
@@ -151,13 +151,12 @@ class _FrameTask:
             labels = self.source.labels(seen, sensor, frame)
             digests = {"labels": label_digest(labels)}
         files: dict[str, FileRow] = {}
-        for modality in LABEL_MODALITIES:
-            if modality in sensor.capture:
-                array = label_array(seen, modality)
-                with timings("hash"):
-                    digests[modality] = pixel_digest(modality, array)
-                self._write(files, modality, frame, array, self.variants)
-        self._write_copies(files, frame, seen)
+        arrays = {name: label_array(seen, name) for name in LABEL_MODALITIES if name in sensor.capture}
+        for name, array in arrays.items():
+            with timings("hash"):
+                digests[name] = pixel_digest(name, array)
+            self._write(files, name, frame, array, self.variants)
+        self._write_copies(files, frame, seen, arrays)
         for group, shown in zip(patched, made.patch_maps, strict=True):
             self._write_patches(files, frame, seen, group, shown)
         rgb: dict[str, str] = {}
@@ -171,23 +170,24 @@ class _FrameTask:
     def _write(
         self,
         files: dict[str, FileRow],
-        modality: str,
+        name: str,
         frame: int,
         array: NDArray[np.generic],
         variants: tuple[int, ...],
     ) -> None:
-        depth, names = self.job.dataset.depth, [self.job.dataset.variants[i].variant for i in variants]
-        paths = [layout.frame_file(name, self.view.sensor.name, modality, frame, depth) for name in names]
-        self._put(files, paths, lambda: _encoded(modality, array, depth))
+        forms, owners = self.job.dataset.forms, [self.job.dataset.variants[i].variant for i in variants]
+        paths = [layout.frame_file(owner, self.view.sensor.name, name, frame, forms) for owner in owners]
+        self._put(files, paths, lambda: declared(name).encoded(array, form_of(name, forms).ending))
 
-    def _write_copies(self, files: dict[str, FileRow], frame: int, seen: Observed) -> None:
+    def _write_copies(
+        self, files: dict[str, FileRow], frame: int, seen: Observed, arrays: Mapping[str, NDArray[np.generic]]
+    ) -> None:
         """Write label modalities in their other forms."""
         dataset, sensor = self.job.dataset, self.view.sensor
         copies = [layout.label_copies(dataset, dataset.variants[i].variant, sensor, frame) for i in self.variants]
-        bodies = {
-            "mots_png": lambda: codecs.png(mots_picture(seen.instance)),
-            "depth_tiff": lambda: codecs.tiff(label_array(seen, "depth").astype(np.float32)),
-        }
+        bodies = {"mots_png": lambda: codecs.png(mots_picture(seen.instance))}
+        for name, ending in layout.kwcoco_endings(dataset, sensor).items():
+            bodies[name] = partial(declared(name).encoded, arrays[name], ending)
         for form in copies[0]:
             self._put(files, [paths[form] for paths in copies], bodies[form])
 
@@ -221,12 +221,3 @@ class _FrameTask:
             for path in paths[1:]:
                 link_or_copy(root / paths[0], root / path)
         files.update(dict.fromkeys(paths, (size, sha256)))
-
-
-def _encoded(modality: str, array: NDArray[Any], depth: str) -> bytes:
-    if modality == "rgb":
-        return codecs.photograph(array)
-    if modality != "depth":
-        return codecs.png(array)
-    metres = array.astype(np.float32)
-    return codecs.npy(metres) if depth == "npy" else codecs.png(codecs.carla_depth(metres))

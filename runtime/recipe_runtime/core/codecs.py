@@ -1,7 +1,7 @@
-"""Encoders of arrays: PNG and TIFF through zlib-ng, CARLA's depth, `.npy`.
+"""Encoders of arrays: PNG and TIFF through zlib-ng, `.npy`; readers of the PNG and TIFF files that others cannot read.
 
 The bytes depend on the pixels and on the `zlib-ng` package's version only. Pixels
-(`core.modalities.pixel_digest`) and files have separate digests, so that a change of the encoder is distinguished from
+(`modalities.pixel_digest`) and files have separate digests, so that a change of the encoder is distinguished from
 a change of the image.
 """
 
@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from zlib_ng import zlib_ng
 
-CARLA_FAR = 1000.0  # metres; CARLA's depth pictures end there
-_STEPS = float((1 << 24) - 1)
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_RGB = 2  # PNG colour type
 _SUB = 1  # PNG filter type: each byte less the one a pixel to its left
 _UP = 2  # PNG filter type: each byte less the one above it
 _WINDOW, _MEMORY = 15, 9  # zlib's largest
@@ -38,45 +37,46 @@ def photograph(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def png(pixels: NDArray[np.generic], level: int = 2) -> bytes:
-    """Encode labels, depth or graphics as PNG: uint8 [H, W, 3] (RGB), uint8 [H, W] (grey), uint16 [H, W] (16-bit grey).
+    """Encode labels, depth or graphics as PNG: uint8 or uint16, [H, W, 3] (RGB) or [H, W] (grey).
 
     Rows are filtered by differences to the row above, which are mostly zero for labels and small for depth.
     """
-    rows: NDArray[np.uint8]
-    if pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] == 3:
-        depth, kind, rows = 8, 2, np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1)
-    elif pixels.dtype == np.uint8 and pixels.ndim == 2:
-        depth, kind, rows = 8, 0, np.ascontiguousarray(pixels)
-    elif pixels.dtype == np.uint16 and pixels.ndim == 2:
-        depth, kind, rows = 16, 0, np.ascontiguousarray(pixels.astype(">u2")).view(np.uint8)
-    else:
+    is_grey, is_wide = pixels.ndim == 2, pixels.dtype == np.uint16
+    if not (is_wide or pixels.dtype == np.uint8) or not (is_grey or (pixels.ndim == 3 and pixels.shape[2] == 3)):
         raise ValueError(f"no PNG form for {pixels.dtype} {pixels.shape}")
-    return _file(pixels, depth, kind, _compressed(_filter_up(rows), level, zlib_ng.Z_DEFAULT_STRATEGY))
+    plain = np.ascontiguousarray(pixels.astype(">u2") if is_wide else pixels)
+    rows = plain.reshape(pixels.shape[0], -1).view(np.uint8)
+    body = _compressed(_filter_up(rows), level, zlib_ng.Z_DEFAULT_STRATEGY)
+    return _file(pixels, 16 if is_wide else 8, 0 if is_grey else 2, body)
 
 
-def carla_depth(metres: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Convert metres [H, W] to CARLA's 24-bit depth [H, W, 3]: round(d / 1000 * (2^24 - 1)), R the lowest byte.
+def wide_rgb(content: bytes, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
+    """Return the pixels of a PNG with 16-bit RGB that `png` wrote, which Pillow reduces to 8 bits.
 
-    Distances are clipped to 1000 m. The sky is at the camera's far limit, so at 1000 m if that is no nearer.
+    Args:
+        content: The file.
+        shape: The largest height and width.
+
+    Returns:
+        uint16 [H, W, 3]; None if it is a PNG of another kind, or no PNG.
+
+    Raises:
+        ValueError: It is damaged, larger, or from another writer.
+        zlib_ng.error: Its pixels are damaged.
     """
-    steps = metres.astype(np.float64)  # in place: at this size allocation costs as much as the arithmetic
-    np.clip(steps, 0.0, CARLA_FAR, out=steps)
-    np.divide(steps, CARLA_FAR, out=steps)
-    np.multiply(steps, _STEPS, out=steps)
-    np.rint(steps, out=steps)
-    parts = steps.astype("<u4").view(np.uint8).reshape(*metres.shape, 4)
-    pixels = np.empty((*metres.shape, 3), np.uint8)
-    for channel in range(3):
-        pixels[..., channel] = parts[..., channel]
-    return pixels
-
-
-def metres_from_carla(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """The inverse of `carla_depth`, within half a step of 1000 / (2^24 - 1) m."""
-    steps = pixels[..., 0].astype(np.int64) + (pixels[..., 1].astype(np.int64) << 8)
-    steps += pixels[..., 2].astype(np.int64) << 16
-    metres: NDArray[np.float64] = CARLA_FAR * steps.astype(np.float64) / _STEPS
-    return metres
+    if content[:8] != _SIGNATURE or content[24:26] != bytes((16, _RGB)):
+        return None
+    width, height = struct.unpack_from(">II", content, 16)
+    body = content[41:-16]
+    if not 0 < height <= shape[0] or not 0 < width <= shape[1]:
+        raise ValueError(f"it has {width} x {height} pixels")
+    if content != _file(np.empty((height, width), np.uint8), 16, _RGB, body):
+        raise ValueError("it is not a PNG of this project")
+    rows = np.frombuffer(_inflated(body, height * (1 + 6 * width)), np.uint8).reshape(height, -1)
+    if (rows[:, 0] != _UP).any():
+        raise ValueError("it is not a PNG of this project")
+    plain = np.cumsum(rows[:, 1:], axis=0, dtype=np.uint8)
+    return plain.view(">u2").astype(np.uint16).reshape(height, width, 3)
 
 
 def npy(array: NDArray[np.generic]) -> bytes:
@@ -110,11 +110,17 @@ def metres_of_tiff(content: bytes, shape: tuple[int, ...]) -> NDArray[np.float32
     head = _tiff_head(height, width, max(0, len(content) - _TIFF_HEAD))
     if not content.startswith(head) or height > shape[0] or width > shape[1]:
         raise ValueError("it is not a TIFF of this project, or too large")
-    unpacker, size = zlib_ng.decompressobj(), 4 * width * height
-    metres = unpacker.decompress(content[len(head) :], size + 1)
-    if len(metres) != size or not unpacker.eof or unpacker.unused_data:
-        raise ValueError("its pixels are damaged")
+    metres = _inflated(content[len(head) :], 4 * width * height)
     return np.frombuffer(metres, "<f4").reshape(height, width)
+
+
+def _inflated(body: bytes, size: int) -> bytes:
+    """Return the `size` bytes that were deflated to a body; ValueError if it has others, or is damaged."""
+    unpacker = zlib_ng.decompressobj()
+    whole = unpacker.decompress(body, size + 1)
+    if len(whole) != size or not unpacker.eof or unpacker.unused_data:
+        raise ValueError("its pixels are damaged")
+    return bytes(whole)
 
 
 def _tiff_head(height: int, width: int, size: int) -> bytes:

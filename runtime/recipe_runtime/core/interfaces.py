@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -28,6 +29,28 @@ class ObjectView(Protocol):
     def projected(self) -> Sequence[float]: ...  # noqa: D102
 
 
+@dataclass(frozen=True)
+class LabelPass:
+    """A pass that computes a label from the visible surfaces of a frame, in addition to those of every observation.
+
+    Attributes:
+        name: Name of the modality.
+        dtype: Type of its arrays, such as `float32`.
+        channels: Values of a pixel. 1: its arrays are [H, W], otherwise [H, W, channels].
+        draw: Launches the kernels. The arguments are `render.raster.surfaces.VisibleSurfaces`, and the array on the
+            device to write, [H * W * channels], row by row.
+    """
+
+    name: str
+    dtype: str
+    channels: int
+    draw: Callable[..., None]
+
+    def shape(self, width: int, height: int) -> tuple[int, ...]:
+        """Return the shape of its arrays for a picture of that size."""
+        return (height, width) if self.channels == 1 else (height, width, self.channels)
+
+
 class Observed(Protocol):
     """All labels of one frame of one sensor, from one visibility buffer."""
 
@@ -39,3 +62,5 @@ class Observed(Protocol):
     def semantic(self) -> NDArray[np.uint8]: ...  # noqa: D102  [H, W] CARLA tags
     @property
     def objects(self) -> Sequence[ObjectView]: ...  # noqa: D102
+    def drawn(self, label_pass: LabelPass) -> NDArray[np.generic]:
+        """Return the array of a pass: [H, W], or [H, W, channels] of a pass with several."""

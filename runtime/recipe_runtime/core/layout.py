@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.modalities import form_of
 from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
 
 MANIFEST = "manifest.json"
@@ -20,9 +23,13 @@ def folder(variant: str) -> str:
     return variant.replace(".", "_")
 
 
-def frame_file(variant: str, sensor: str, modality: str, frame: int, depth: str) -> str:
-    """A frame's file; `depth` is the plan's format of depth."""
-    ending = "npy" if modality == "depth" and depth == "npy" else "png"
+def frame_file(variant: str, sensor: str, modality: str, frame: int, forms: Mapping[str, str]) -> str:
+    """A frame's file; `forms` are the plan's."""
+    return modality_file(variant, sensor, modality, frame, form_of(modality, forms).ending)
+
+
+def modality_file(variant: str, sensor: str, modality: str, frame: int, ending: str) -> str:
+    """Return the file of a modality of a frame in the form with that ending."""
     return f"{folder(variant)}/{folder(sensor)}/{modality}/{frame:06d}.{ending}"
 
 
@@ -76,18 +83,20 @@ def mots_png_file(variant: str, sensor: str, frame: int) -> str:
     return f"mots/instances/{sequence(variant, sensor)}/{frame + 1:06d}.png"
 
 
-def depth_tiff_file(variant: str, sensor: str, frame: int) -> str:
-    """Return the file of a frame's depth in metres as TIFF, which kwcoco reads; it does not read `.npy`."""
-    return f"{folder(variant)}/{folder(sensor)}/depth/{frame:06d}.tif"
+def kwcoco_endings(plan: DatasetPlan, sensor: SensorPlan) -> dict[str, str]:
+    """Return the ending of the copy for kwcoco of each modality that needs one, by modality."""
+    if "kwcoco" not in plan.annotations:
+        return {}
+    return {name: copy for name in sensor.capture if (copy := form_of(name, plan.forms).copy) is not None}
 
 
 def label_copies(plan: DatasetPlan, variant: str, sensor: SensorPlan, frame: int) -> dict[str, str]:
-    """Return the files of a frame that hold a label modality in another form, by form."""
+    """Return the files of a frame that hold a label modality in another form, by modality; MOTS by `mots_png`."""
     files = {}
     if "mots_png" in plan.annotations:
         files["mots_png"] = mots_png_file(variant, sensor.name, frame)
-    if plan.depth == "npy" and "kwcoco" in plan.annotations and "depth" in sensor.capture:
-        files["depth_tiff"] = depth_tiff_file(variant, sensor.name, frame)
+    for name, ending in kwcoco_endings(plan, sensor).items():
+        files[name] = modality_file(variant, sensor.name, name, frame, ending)
     return files
 
 
@@ -108,7 +117,7 @@ def expected_files(plan: DatasetPlan) -> set[str]:
         for sensor in variant.rig.sensors:
             frames = sensor.frames(variant.scene.clock.frames)
             files.add(labels_file(name, sensor.name))
-            files |= {frame_file(name, sensor.name, m, k, plan.depth) for m in sensor.capture for k in frames}
+            files |= {frame_file(name, sensor.name, m, k, plan.forms) for m in sensor.capture for k in frames}
             if variant.appearance.patches:
                 files |= {patches_file(name, sensor.name, k) for k in frames}
             if "mots_txt" in plan.annotations:

@@ -15,7 +15,7 @@ STAGES: dict[str, int] = {"plan": 1, "simulate": 2, "observe": 1, "shade": 1, "e
 # Packages whose code affects a Trace, and those whose code affects a frame's record: a stage's and those below it.
 SIMULATION_PACKAGES = frozenset({"core", "body", "meshes", "simulation"})
 FRAME_PACKAGES = SIMULATION_PACKAGES | {
-    "cache", "annotate", "render", "insertion", "dataset", "frames", "attacks", "build"
+    "cache", "annotate", "render", "modalities", "insertion", "dataset", "frames", "attacks", "build"
 }  # fmt: skip
 
 _TOOLS = ("dataset-recipe", "astral", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang", "zlib-ng")

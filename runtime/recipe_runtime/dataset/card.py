@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections import Counter
 from collections.abc import Sequence
 
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.records import Video
 from recipe_runtime.core import layout
-from recipe_runtime.core.codecs import CARLA_FAR
 from recipe_runtime.dataset.markdown import one_line, paragraphs
-
-_DEPTH = {
-    "carla": "PNG in CARLA's 24-bit form: metres = 1000 * (R + 256 G + 65536 B) / 16777215, at most 1000 m. Within "
-    "0.03 mm of the float32 metres that are hashed.",
-    "npy": "`.npy`, float32 metres: the values that are hashed. With kwcoco, the same as TIFF beside each.",
-}
+from recipe_runtime.modalities import declared
 
 
 def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_file: str | None = None) -> str:
@@ -79,25 +73,12 @@ def _objects(videos: Sequence[Video]) -> str:
     return "\n".join(["| class | CARLA tag | actors | annotations |", "|---|---|---|---|", *rows])
 
 
-def _depth(dataset: DatasetPlan) -> list[str]:
-    """Return the line on depth, if a sensor captures it."""
-    sensors = [sensor for variant in dataset.variants for sensor in variant.rig.sensors if "depth" in sensor.capture]
-    limit = CARLA_FAR if dataset.depth == "carla" else math.inf
-    sky = sorted({min(sensor.camera.far, limit) for sensor in sensors})
-    where = f"The sky is at {sky[0]:g} m" if len(sky) == 1 else "The sky is at the far limit of the camera"
-    at_most = f", at most {CARLA_FAR:g} m" if len(sky) > 1 and limit in sky else ""
-    return [f"- depth: {_DEPTH[dataset.depth]} {where}{at_most}."] if sky else []
-
-
 def _layout(dataset: DatasetPlan) -> str:
     lines = [
         "## Files",
         "",
         "- `<variant>/<sensor>/<modality>/000000.png`, frames from 0; labels that variants share are hard links.",
-        *_depth(dataset),
-        "- instance: 16-bit PNG, CARLA tag * 1000 + number; the same actor in every sensor, frame, variant and file; "
-        "0 for town and sky.",
-        "- semantic: 8-bit PNG of CARLA 0.9.14+ tags.",
+        *(line for name in MODALITIES if (line := declared(name).card(dataset))),
         "- `<variant>/<sensor>/labels.jsonl`: one line per frame, the source of every annotation file.",
         "- `<variant>/tracks.csv`: pose, lean, velocity and box of every actor at every frame, in the world: x, y "
         "on the ground, z up, metres and seconds; `events.csv`: collisions, lights, tracks that begin and end.",

@@ -60,7 +60,7 @@ def head(dataset: DatasetPlan) -> ManifestHead:
         "recipe": dataset.recipe,
         "description": dataset.description,
         "plan": dataset.digest,
-        "outputs": {"annotations": list(dataset.annotations), "depth": dataset.depth},
+        "outputs": dataset.outputs,
         "stages": dict(STAGES),
     }
 

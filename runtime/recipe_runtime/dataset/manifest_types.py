@@ -17,13 +17,9 @@ _Frames: TypeAlias = Annotated[list[Sha256], Meta(min_length=1)]  # in the order
 _Kind: TypeAlias = Annotated[str, Meta(pattern=f"^({'|'.join(DIGEST_KINDS)})$")]
 _Modalities: TypeAlias = Annotated[dict[_Kind, _Frames], Meta(min_length=1)]
 FrameDigests: TypeAlias = dict[_Name, _Modalities]  # by sensor
-
-
-class OutputRecord(TypedDict):
-    """The outputs that the recipe requests besides pictures."""
-
-    annotations: Annotated[list[Literal["kwcoco", "coco", "mots_txt", "mots_png"]], Meta(max_length=4)]
-    depth: Literal["carla", "npy"]
+Outputs: TypeAlias = Annotated[
+    dict[str, list[str] | str], Meta(max_length=100)
+]  # the annotation formats, and the form of each listed modality's files; `reader` checks them
 
 
 class FileRecord(TypedDict):
@@ -65,7 +61,7 @@ class ManifestHead(TypedDict):
     recipe: _Name
     description: Annotated[str, Meta(max_length=MAX_DESCRIPTION)]
     plan: Sha256
-    outputs: OutputRecord
+    outputs: Outputs
     stages: Annotated[dict[_Name, Annotated[int, Meta(ge=0, le=10**6)]], Meta(max_length=100)]
 
 

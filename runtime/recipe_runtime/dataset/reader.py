@@ -150,7 +150,7 @@ def plan_alone(path: Path) -> DatasetPlan:
     """Read one expanded plan from its file, as a dataset of one variant; InputError if it is invalid."""
     try:
         variant = PlanReader().read(read_inside(path.parent, path.name, MAX_PLAN_BYTES))
-        alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
+        alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=())
         check_bounds(alone)
     except InputError as error:
         raise InputError(
@@ -370,14 +370,12 @@ def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan
         if variant.variant != name:
             raise ValueError(f"{path} is the plan of {variant.variant!r}")
         variants.append(variant)
-    outputs = manifest["outputs"]
-    return DatasetPlan(
-        recipe=manifest["recipe"],
-        description=manifest["description"],
-        variants=tuple(variants),
-        annotations=tuple(outputs["annotations"]),
-        depth=outputs["depth"],
-    )
+    given = {"recipe": manifest["recipe"], "description": manifest["description"], "variants": tuple(variants)}
+    forms = dict(manifest["outputs"])
+    plan = DatasetPlan.model_validate({**given, "annotations": forms.pop("annotations", ()), "forms": forms})
+    if plan.outputs != manifest["outputs"]:
+        raise ValueError("outputs does not list the forms of files as a manifest does")
+    return plan
 
 
 def _bytes_of(root: Path, path: str) -> bytes:

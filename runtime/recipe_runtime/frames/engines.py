@@ -15,6 +15,7 @@ from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan
 
 from recipe_runtime.core import host
 from recipe_runtime.core.asset_files import Assets
+from recipe_runtime.core.interfaces import LabelPass
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.meshes.mesh import Body
@@ -47,10 +48,11 @@ class SceneRenderer(Protocol):
         appearances: Sequence[AppearancePlan],
         in_flight: int,
         patched: Sequence[AppearancePlan],
+        label_passes: Sequence[LabelPass],
     ) -> Any:
         """Return a stream that renders many frames of one camera concurrently, on a GPU.
 
-        `patched` are the appearances whose patches it numbers in each frame.
+        `patched` are the appearances whose patches it numbers in each frame, `label_passes` compute further labels.
         """
 
     def patch_map(self, obs: Any, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:

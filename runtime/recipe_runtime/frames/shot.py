@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.modalities import KINDS
 from recipe_compiler.ir.plan import ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
@@ -18,12 +19,11 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
 from recipe_runtime.core.files import host_errors
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.modalities import label_array, pixel_digest
 from recipe_runtime.core.outputs import write_output
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.frames.colormaps import depth_picture, instance_picture, semantic_picture
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.modalities import declared, label_array, pixel_digest
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,14 @@ class Shot:
         return pixel_digest(self.modality, self.pixels)
 
     def picture(self) -> NDArray[np.uint8]:
-        """Return the frame as uint8 [H, W, 3]: colour unchanged, depth and labels colour-mapped."""
-        if self.modality == "rgb":
-            return self.pixels
-        paint = {"depth": depth_picture, "instance": instance_picture, "semantic": semantic_picture}
-        return paint[self.modality](self.pixels)
+        """Return the frame as uint8 [H, W, 3]: colour unchanged, labels colour-mapped."""
+        return declared(self.modality).picture(self.pixels)
 
     def encoded(self) -> bytes:
         """Return the image as a PNG file; for colour, the bytes that a build writes."""
-        return (codecs.photograph if self.modality == "rgb" else codecs.png)(self.picture())
+        if not KINDS[self.modality].is_label:
+            return declared(self.modality).encoded(self.pixels, "png")
+        return codecs.png(self.picture())
 
     def write(self, path: Path, *, replace: bool = False) -> None:
         """Write the image as a PNG, atomically.

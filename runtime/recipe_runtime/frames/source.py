@@ -25,6 +25,7 @@ from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
 from recipe_runtime.frames.scene_motion import SceneMotion
 from recipe_runtime.insertion.inserter import Inserter
+from recipe_runtime.modalities import label_passes
 
 if TYPE_CHECKING:
     from recipe_runtime.render.retexture.patched_frame import PatchedFrame
@@ -187,7 +188,8 @@ class SceneSource:
         self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
-            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, in_flight, patched)
+            further = label_passes(sensor.capture)
+            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, in_flight, patched, further)
         return key, kept
 
     def _streamed(

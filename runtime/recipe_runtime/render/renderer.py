@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan
 
+from recipe_runtime.core.interfaces import LabelPass
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.meshes.mesh import Body
@@ -99,12 +100,21 @@ class Renderer:
         appearances: Sequence[AppearancePlan],
         in_flight: int = 16,
         patched: Sequence[AppearancePlan] = (),
+        label_passes: Sequence[LabelPass] = (),
     ) -> FrameStream:
         """Return a stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of `shade`.
 
-        Its frames also have the `patch_map` of each of the appearances `patched`.
+        Its frames also have the `patch_map` of each of the appearances `patched`, and the labels of `label_passes`.
         """
-        shadows = ShadowMaps(self._geometry, self._device)
         return FrameStream(
-            self._geometry, shadows, self._atlases, self._device, camera, sensor_name, appearances, in_flight, patched
+            self._geometry,
+            ShadowMaps(self._geometry, self._device),
+            self._atlases,
+            self._device,
+            camera,
+            sensor_name,
+            appearances,
+            in_flight,
+            patched,
+            label_passes,
         )

@@ -5,21 +5,19 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from recipe_runtime.core import codecs
 from recipe_runtime.core.files import host_errors, read_inside, write_atomic
 from recipe_runtime.core.outputs import unused_names
+from recipe_runtime.modalities import declared
+from recipe_runtime.modalities.reading import stored_array
 
-_MODES = ("RGB", "L", "I;16")  # the modes that codecs.png writes
 _MAX_SIDE = 4096
 
 if TYPE_CHECKING:
@@ -42,8 +40,8 @@ class PixelDifference:
 
 
 def first_difference(recorded: Path, rendered: Path) -> PixelDifference | None:
-    """Compare the pixels of two pictures; None if one cannot be read, or they differ in size or type."""
-    b = read_pixels(rendered)
+    """Compare the pixels of two pictures; None if one cannot be read, or they differ in form, size or type."""
+    b = read_pixels(rendered) if recorded.suffix == rendered.suffix else None
     a = None if b is None else read_pixels(recorded, b.shape)
     if a is None or b is None or not _alike(a, b):
         return None
@@ -67,19 +65,9 @@ def read_pixels(path: Path, shape: tuple[int, ...] = (_MAX_SIDE, _MAX_SIDE)) -> 
     """
     height, width = shape[:2]
     try:
-        body = io.BytesIO(read_inside(path.parent, path.name, codecs.largest_file(width, height)))
-        if path.suffix == ".npy":
-            array: NDArray[Any] = np.load(body, allow_pickle=False)
-            is_depth = isinstance(array, np.ndarray) and array.dtype == np.float32 and array.ndim == 2
-            return array if is_depth else None
-        if path.suffix == ".tif":
-            return codecs.metres_of_tiff(body.getvalue(), shape)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's warning about large pictures; larger ones are refused anyway
-            with Image.open(body, formats=("PNG",)) as picture:
-                fits = picture.width <= width and picture.height <= height
-                return np.asarray(picture) if picture.mode in _MODES and fits else None
-    except Exception:  # NumPy and Pillow raise errors of a dozen types for damaged files
+        content = read_inside(path.parent, path.name, codecs.largest_file(width, height))
+        return stored_array(content, path.suffix[1:], shape)
+    except (OSError, ValueError):
         return None
 
 
@@ -94,13 +82,13 @@ def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
     rendered = made.picture()
     pictures = {"rendered": rendered}
     recorded = read_pixels(there, made.pixels.shape) if there else None
-    as_carla = recorded is not None and made.modality == "depth" and recorded.ndim == 3
-    pixels = codecs.carla_depth(made.pixels) if as_carla else made.pixels
-    if recorded is not None and _alike(pixels, recorded):
-        faded = (rendered // 3).astype(np.uint8)
-        faded[_differs(pixels, recorded)] = (255, 40, 40)
-        shown = codecs.metres_from_carla(recorded) if as_carla else np.nan_to_num(recorded)
-        pictures |= {"recorded": replace(made, pixels=shown).picture(), "difference": faded}
+    if there and recorded is not None:
+        form = declared(made.modality).files.get(there.suffix[1:])
+        pixels = made.pixels if form is None else form.store(made.pixels)
+        if form is not None and _alike(pixels, recorded):
+            faded = (rendered // 3).astype(np.uint8)
+            faded[_differs(pixels, recorded)] = (255, 40, 40)
+            pictures |= {"recorded": replace(made, pixels=form.load(recorded)).picture(), "difference": faded}
     with host_errors(str(stem.parent), "choose another folder for pictures"):
         bodies = {kind: codecs.png(picture) for kind, picture in pictures.items()}
         files = unused_names(

@@ -36,6 +36,8 @@ from recipe_runtime.attacks.truth import PatchRecord
 from recipe_runtime.core import codecs, layout
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
+from recipe_runtime.modalities.depth import NAME as DEPTH
+from recipe_runtime.modalities.depth import to_carla
 from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
 from recipe_runtime.transfer.shards import damaged_file
 
@@ -165,7 +167,7 @@ def _box(bbox: list[int]) -> tuple[int, int, int, int]:
 
 
 def _has_depth(sequence: ExportSequence) -> bool:
-    return "depth" in sequence.sensor.capture
+    return DEPTH in sequence.sensor.capture
 
 
 def _detection_files(
@@ -179,7 +181,7 @@ def _detection_files(
     corners = np.array(frame.patch["corners_int"], np.int32)
     for root, rgb, depth, pixels in (
         (f"{_OBJ_DET}/_out", "sensor.camera.rgb.1", "sensor.camera.depth.2", _log_depth(metres)),
-        (_OVER, "rgb", "depth", codecs.carla_depth(metres.astype(np.float32))),
+        (_OVER, "rgb", "depth", to_carla(metres)),
     ):
         yield f"{root}/{rgb}/{stem}.png", picture
         yield f"{root}/{depth}/{stem}.png", codecs.png(pixels)

@@ -15,6 +15,7 @@ from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.attacks.truth import FrameTruth, PatchRecord
 from recipe_runtime.core import documents, layout
 from recipe_runtime.dataset.reader import Dataset, labels
+from recipe_runtime.modalities.depth import NAME as DEPTH
 from recipe_runtime.transfer.shards import damaged_file, picture_file
 from recipe_runtime.webdataset import decode
 
@@ -61,10 +62,10 @@ class ExportSequence:
 
     def depth(self, frame: int) -> NDArray[np.float64]:
         """Return the depth of a frame, metres, [H, W]."""
-        path = self._path("depth", frame)
+        path = self._path(DEPTH, frame)
         content = picture_file(self.dataset, path, self.sensor)
         try:
-            metres = decode(f".depth.{path.rpartition('.')[2]}", content)
+            metres = decode(f".{DEPTH}.{path.rpartition('.')[2]}", content)
         except ValueError as error:
             raise damaged_file(self.dataset, f"{path}: {error}") from None
         if metres.shape != (self.sensor.camera.height, self.sensor.camera.width):
@@ -87,4 +88,4 @@ class ExportSequence:
         return found[0]
 
     def _path(self, modality: str, frame: int) -> str:
-        return layout.frame_file(self.variant.variant, self.sensor.name, modality, frame, self.dataset.plan.depth)
+        return layout.frame_file(self.variant.variant, self.sensor.name, modality, frame, self.dataset.plan.forms)

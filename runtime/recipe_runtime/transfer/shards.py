@@ -151,7 +151,7 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
                     }
                     sample = {f"{key}.json": canonical_bytes(document)}
                     for modality in sensor.capture:
-                        path = layout.frame_file(variant.variant, sensor.name, modality, frame, dataset.plan.depth)
+                        path = layout.frame_file(variant.variant, sensor.name, modality, frame, dataset.plan.forms)
                         sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = picture_file(dataset, path, sensor)
                     yield [(_entry(name, body), body) for name, body in sorted(sample.items())]
             except (ValueError, OSError) as error:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 
 from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.modalities import CHOICES, LABEL_MODALITIES, form_of
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plurals import count, form
 
@@ -24,12 +25,10 @@ from recipe_runtime.verify.version_comparison import tool_faults
 
 Excuse = Callable[[str, Lockfile], str | None]  # (stage, lockfile) -> reason why the stage may differ, as in `excuses`
 
-_STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
 
-
-def stage_of(modality: str) -> str:
-    """Return the stage that produces a modality."""
-    return _STAGE_OF.get(modality, "observation")
+def stage_of(name: str) -> str:
+    """Return the stage that produces a modality, or the labels."""
+    return "observation" if name in LABEL_MODALITIES else "labels" if name == "labels" else "shading"
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def plan_differences(a: Side, b: Side, excuse: str | None = None) -> Iterator[Di
     if a.plan and b.plan:
         for what, first, second in (
             ("output.annotations", ", ".join(a.plan.annotations), ", ".join(b.plan.annotations)),
-            ("output.depth", a.plan.depth, b.plan.depth),
+            *((f"output.{m}", form_of(m, a.plan.forms).name, form_of(m, b.plan.forms).name) for m in CHOICES),
         ):
             if first != second:
                 yield Difference("plan", f"{what}: {first or 'none'} in {a.name}, {second or 'none'} in {b.name}")

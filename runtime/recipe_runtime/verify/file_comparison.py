@@ -16,9 +16,9 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.core import layout
 from recipe_runtime.core.documents import decode
 from recipe_runtime.core.files import read_inside, regular_file
-from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset
+from recipe_runtime.modalities import declared, pixel_digest
 from recipe_runtime.report.difference import first_difference, read_pixels
 from recipe_runtime.verify.documents import walk
 from recipe_runtime.verify.excuses import excuse_of
@@ -97,10 +97,10 @@ class FileComparison:
     def _unlisted_pixels(self, path: str, at: Place) -> Difference | None:
         """Return a difference if a picture's pixels do not have the digest in the dataset's manifest.
 
-        Depth in a PNG is rounded, and the digest is of the unrounded depth, so it is not compared.
+        A rounded form, such as depth in a PNG, is not compared: the digest is of the unrounded values.
         """
         name, sensor, frame, modality = at
-        if modality is None or (modality == "depth" and not path.endswith(".npy")):
+        if modality is None or not declared(modality).files[path.rpartition(".")[2]].is_exact:
             return None
         row = (digests.bare(self.plan, "", {}).variants[name].frame_key(modality), sensor, modality, frame)
         camera = next(s.camera for s in self.plan.named(name).rig.sensors if s.name == sensor)
@@ -120,5 +120,5 @@ class FileComparison:
                     copies = layout.label_copies(self.plan, variant.variant, sensor, frame).values()
                     found |= dict.fromkeys([*copies, layout.patches_file(*name, frame)], (*name, frame, None))
                     for modality in sensor.capture:
-                        found[layout.frame_file(*name, modality, frame, self.plan.depth)] = (*name, frame, modality)
+                        found[layout.frame_file(*name, modality, frame, self.plan.forms)] = (*name, frame, modality)
         return found

@@ -49,7 +49,7 @@ def draw_differences(
             made = shot(scenario, sensor, frame, modality, engines=engines, store=store, device=device)
             there = None
             if dataset is not None:
-                path = layout.frame_file(scenario.variant, sensor, modality, frame, plan.depth)
+                path = layout.frame_file(scenario.variant, sensor, modality, frame, plan.forms)
                 there = dataset.root / path
             stem = f"{layout.folder(scenario.variant)}-{layout.folder(sensor)}-{modality}-{frame:06d}"
             pictures += [str(path) for path in write_difference(out / stem, made, there)]

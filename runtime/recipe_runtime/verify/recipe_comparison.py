@@ -93,7 +93,7 @@ def _compare_recipe(
         )
     if other:
         found.append(Difference("recipe", f"{place} is not the recipe of {other[0]}: the plans differ", excuse))
-    elif (plan.annotations, plan.depth) != (dataset.plan.annotations, dataset.plan.depth):
+    elif plan.outputs != dataset.plan.outputs:
         found.append(Difference("recipe", f"{place} requests different outputs than the dataset has"))
     return found, files
 

@@ -185,7 +185,7 @@ def test_the_check_detects(dataset: Path, fault: Callable[[dict[str, Any]], None
 @pytest.mark.filterwarnings("ignore")  # a warning of kwcoco about gdal
 @pytest.mark.parametrize("form", ["carla", "npy"])
 def test_kwcoco_loads_every_depth_format(form: str, tmp_path: Path) -> None:
-    plan = dataset_plan(2, 1, depth=form, annotations=("kwcoco",))
+    plan = dataset_plan(2, 1, forms={"depth": form}, annotations=("kwcoco",))
     made = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
     read = """
 import json, kwcoco, numpy

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_compiler.ir.plan_types import fixed
 from recipe_runtime.annotate.calibration import Calibration
@@ -17,9 +18,9 @@ from recipe_runtime.annotate.objects import truncation
 from recipe_runtime.annotate.records import Box3d, FrameRecord, LabelledFrame, LabelRecord, label_digest
 from recipe_runtime.body.kinematics import quaternion_of_matrix
 from recipe_runtime.build.journal import CacheJournal
-from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
 from recipe_runtime.dataset.schedule import all_shards, views
+from recipe_runtime.modalities import pixel_digest
 
 from tests.runtime.fakes import ENGINES, NO_LABELS, actor_bodies, dataset_plan, simulate
 from tests.runtime.frame_source import FrameSource
@@ -71,7 +72,7 @@ def test_records_describe_the_scene(tmp_path: object) -> None:
     source = FrameSource(plan.variants[0], simulate(plan.variants[0].scene), engines=ENGINES)
     arrays, labels = source.render_labelled("street", 3)
     records = labels["objects"]
-    assert sorted(arrays) == ["depth", "instance", "rgb", "semantic"]
+    assert sorted(arrays) == sorted(MODALITIES)
     assert (labels["frame"], labels["time"]) == (3, 0.3)
     by_name = {r["actor"]: r for r in records}
     hero = by_name["hero1"]

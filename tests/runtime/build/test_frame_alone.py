@@ -44,7 +44,7 @@ import json, sys
 from pathlib import Path
 from recipe_compiler.compile import compile_recipe
 from recipe_runtime.annotate.records import label_digest
-from recipe_runtime.core.modalities import pixel_digest
+from recipe_runtime.modalities import pixel_digest
 from tests.runtime.frame_source import FrameSource
 from recipe_runtime.simulation.process import simulate
 recipe, wanted = json.loads(sys.stdin.read())

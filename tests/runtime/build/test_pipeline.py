@@ -21,10 +21,10 @@ from recipe_compiler.ir.plan import DatasetPlan, RigPlan
 from recipe_runtime.build import local, worker, workspace
 from recipe_runtime.build import pipeline as build_module
 from recipe_runtime.build.pipeline import BuildOptions, BuildResult, build
-from recipe_runtime.core import codecs, files
-from recipe_runtime.core.modalities import pixel_digest
+from recipe_runtime.core import files
 from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, all_shards
 from recipe_runtime.frames.engines import Engines
+from recipe_runtime.modalities import declared, pixel_digest
 from recipe_runtime.verify import locking
 
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, NOTED, UNLOADABLE, dataset_plan, sensor_plan, simulate, tree
@@ -90,8 +90,11 @@ def test_files_hold_the_same_frames_as_single_renderings(made: BuildResult) -> N
             arrays = source.render("street", number)
             folder = made.path / variant.variant / "street"
             for modality, array in arrays.items():
-                stored = np.asarray(Image.open(folder / modality / f"{number:06d}.png"))
-                shown = codecs.carla_depth(array.astype(np.float32)) if modality == "depth" else array
+                (path,) = folder.glob(f"{modality}/{number:06d}.*")
+                shown = declared(modality).files[path.suffix[1:]].store(array)
+                if shown.dtype == np.uint16 and shown.ndim == 3:  # Pillow reads the upper 8 bits
+                    shown = shown.astype(np.uint16) >> 8
+                stored = np.load(path) if path.suffix == ".npy" else np.asarray(Image.open(path))
                 assert np.array_equal(stored, shown)
                 assert frames["street"][modality][number] == pixel_digest(modality, array)
 
@@ -392,7 +395,7 @@ def test_variant_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> 
 
 
 def test_a_dataset_with_labels_only(tmp_path: Path) -> None:
-    plan = dataset_plan(depth="npy", annotations=())
+    plan = dataset_plan(forms={"depth": "npy"}, annotations=())
     rig = RigPlan(sensors=(sensor_plan(capture=("depth",)),))
     variant = plan.variants[0].model_copy(update={"rig": rig})
     result = again(tmp_path, plan.model_copy(update={"variants": (variant,)}), workers=0)

@@ -136,7 +136,7 @@ def test_a_dataset_of_another_version_is_not_reused(tmp_path: Path, monkeypatch:
 def test_other_outputs_are_written_again(tmp_path: Path) -> None:
     plan = dataset_plan(frames=6, weathers=1)
     _build(tmp_path / "a", plan)
-    changed_plan = _changed(plan, depth="npy")
+    changed_plan = _changed(plan, forms={"depth": "npy"})
     assert tree(_build(tmp_path / "a", changed_plan).path) == _fresh(tmp_path / "b", changed_plan)
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 from recipe_runtime.core import codecs
+from recipe_runtime.modalities.depth import from_carla, to_carla
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 PINNED = ["ba7a692cf63fa9e2", "066bee1204be7dbd", "ae32eceb1716bb0d", "d49ceadc736ad0cc", "8a838b024e55f0c0"]
@@ -45,7 +46,7 @@ def ramp(height: int, width: int) -> NDArray[np.uint8]:
     """Return depth as of ground with a wall on it."""
     rows = np.arange(height)[::-1, None] * 0.37 + np.arange(width) * 0.011 + 2.0
     rows[height // 4 : height // 2, width // 3 :] = 7.5
-    return codecs.carla_depth(rows.astype(np.float32))
+    return to_carla(rows.astype(np.float32))
 
 
 def digests() -> list[str]:
@@ -89,12 +90,12 @@ def test_arrays_of_other_shapes_or_types_are_refused() -> None:
 
 def test_carla_depth_is_carlas_formula_and_keeps_its_precision() -> None:
     metres = np.array([[0.0, 1e-4, 0.1, 1.0, 123.456, 999.99997, 1000.0, 5000.0, np.inf]], np.float32)
-    pixels = codecs.carla_depth(metres)
+    pixels = to_carla(metres)
     r, g, b = (pixels[..., n].astype(np.float64) for n in range(3))
     carla = 1000.0 * (r + g * 256 + b * 256 * 256) / (256**3 - 1)
     clipped = np.minimum(metres.astype(np.float64), 1000.0)
     assert np.abs(carla - clipped).max() <= 0.5 * 1000.0 / (256**3 - 1) * (1 + 1e-9)
-    assert np.array_equal(codecs.metres_from_carla(pixels), carla)
+    assert np.array_equal(from_carla(pixels), carla.astype(np.float32))
     assert pixels[0, 6].tolist() == [255, 255, 255]
 
 

@@ -38,4 +38,4 @@ def test_the_card_of_a_dataset_without_depth_does_not_describe_it() -> None:
 
 def text(depth: str, far: float, capture: tuple[str, ...]) -> str:
     """Return the card of a dataset without frames."""
-    return card(with_cameras(dataset_plan(depth=depth), far, capture), "tiny@sha256:0", [])
+    return card(with_cameras(dataset_plan(forms={"depth": depth}), far, capture), "tiny@sha256:0", [])

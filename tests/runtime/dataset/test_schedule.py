@@ -26,7 +26,7 @@ def test_a_scene_keeps_its_place_where_its_views_are_found_later() -> None:
         ScenarioPlan(variant=f"v{n}", scene=scene, rig=rig, appearance=appearance_plan())
         for n, (scene, rig) in enumerate(parts)
     )
-    found = schedule.views(DatasetPlan(recipe="tiny", description="", variants=variants, annotations=(), depth="carla"))
+    found = schedule.views(DatasetPlan(recipe="tiny", description="", variants=variants, annotations=()))
     assert [(view.scene, view.sensor.name) for view in found] == [
         (scenes[0], "street"),
         (scenes[0], "side"),

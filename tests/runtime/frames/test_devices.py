@@ -10,10 +10,10 @@ from recipe_compiler.ir.lockfile import read
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.cache.store import Store
-from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.frames.engines import devices, real_engines
 from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.loading import compiled
+from recipe_runtime.modalities import pixel_digest
 from recipe_runtime.render.device import setup as device_module
 from recipe_runtime.verify.verify import Options, verify
 

@@ -15,8 +15,8 @@ from PIL import Image
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_runtime.core.transforms import sensor_transform
-from recipe_runtime.frames.colormaps import instance_picture
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.modalities.instance import picture as instance_picture
 from recipe_runtime.render.raster.observation import FrameLabels
 
 from tests.runtime.oracle_tiny import TinyView, tiny_render

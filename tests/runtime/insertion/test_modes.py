@@ -151,7 +151,7 @@ def test_the_same_bytes_in_shot_build_and_verification(recipe: Path, scenes: dic
     for variant in plan.variants:
         mode = variant.variant.removeprefix("mode=")
         for sensor in ("street", "bent"):
-            path = out / layout.frame_file(variant.variant, sensor, "rgb", 1, plan.depth)
+            path = out / layout.frame_file(variant.variant, sensor, "rgb", 1, plan.forms)
             written = np.asarray(Image.open(io.BytesIO(path.read_bytes())))
             np.testing.assert_array_equal(written, scenes[mode].render(1, sensor))
         alone = shot(variant, "street", 1, engines=engines).pixels

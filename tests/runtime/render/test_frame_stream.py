@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import Trace
@@ -11,6 +12,7 @@ from recipe_runtime.core.transforms import part_transforms, sensor_transform
 from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
+from recipe_runtime.modalities import label_array, label_passes
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.gpu import frame_buffers, frame_stream
 from recipe_runtime.render.gpu.frame_stream import FrameBatch
@@ -40,11 +42,13 @@ def assert_equals_renderer(plan: DatasetPlan, sensor_at: int, device: str) -> No
     bodies = [*town_bodies(variant.scene.town), *[actor_body(actor) for actor in variant.scene.actors]]
     slow, fast, sensor = Renderer(bodies, reuse=NO_REUSE), Renderer(bodies, device), variant.rig.sensors[sensor_at]
     batch = batch_of(variant, sensor, trace)
-    for at, made in enumerate(fast.frame_stream(sensor.camera, sensor.name, appearances, in_flight=2).frames(batch)):
+    further = label_passes(LABEL_MODALITIES)
+    stream = fast.frame_stream(sensor.camera, sensor.name, appearances, in_flight=2, label_passes=further)
+    for at, made in enumerate(stream.frames(batch)):
         seen = slow.observe(sensor.camera, batch.poses[at], batch.parts[at])
         assert made.number == batch.numbers[at]
-        for modality in ("depth", "instance", "semantic"):
-            np.testing.assert_array_equal(getattr(made.observation, modality), getattr(seen, modality))
+        for modality in LABEL_MODALITIES:
+            np.testing.assert_array_equal(label_array(made.observation, modality), label_array(seen, modality))
         assert made.observation.objects == seen.objects
         for appearance, picture in zip(appearances, made.pictures, strict=True):
             expected = slow.shade(seen, appearance, sensor.name, made.number, batch.times[at])

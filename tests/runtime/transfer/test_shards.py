@@ -99,7 +99,7 @@ def test_shards_contain_the_datasets_files(built: Dataset, tmp_path: Path) -> No
                     assert body.read() == (built.root / place / modality / f"{frame}.{ending}").read_bytes()
                     held.add(f"{place}/{modality}/{frame}.{ending}")
     assert held == {
-        layout.frame_file(variant.variant, sensor.name, modality, frame, built.plan.depth)
+        layout.frame_file(variant.variant, sensor.name, modality, frame, built.plan.forms)
         for variant in built.plan.variants
         for sensor in variant.rig.sensors
         for modality in sensor.capture
@@ -264,7 +264,7 @@ def test_a_damaged_dataset_is_not_exported(built: Dataset, tmp_path: Path, damag
     copy = tmp_path / "copy"
     shutil.copytree(built.root, copy)
     dataset, name = read(copy), built.plan.variants[0].variant
-    victim = copy / layout.frame_file(name, "street", "rgb", 3, built.plan.depth)
+    victim = copy / layout.frame_file(name, "street", "rgb", 3, built.plan.forms)
     if damage == "labels":
         victim = copy / layout.labels_file(name, "street")
         victim.write_bytes(victim.read_bytes().replace(b"hero1", b"hero9"))

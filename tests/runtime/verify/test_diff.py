@@ -201,7 +201,7 @@ def test_differing_files_come_last_in_the_order_of_their_creation(ours: Side) ->
 def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) -> None:
     assert ours.plan is not None
     plan = DatasetPlan(
-        recipe=ours.plan.recipe, description="", variants=ours.plan.variants[:2], annotations=(), depth="npy"
+        recipe=ours.plan.recipe, description="", variants=ours.plan.variants[:2], annotations=(), forms={"depth": "npy"}
     )
     asked = ", ".join(ours.plan.annotations)
     assert [str(f) for f in differences(ours, Side("theirs", bare(plan, "", {}), plan))] == [
@@ -215,7 +215,7 @@ def test_two_plans_of_different_variants_are_compared_by_content(ours: Side) -> 
     """Regression: two expanded plans were always reported as variants of one side only."""
     assert ours.plan is not None
     plans = [
-        DatasetPlan(recipe="a", description="", variants=(variant,), annotations=(), depth="carla")
+        DatasetPlan(recipe="a", description="", variants=(variant,), annotations=())
         for variant in ours.plan.variants[:2]
     ]
     names = [plan.variants[0].variant for plan in plans]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
+from recipe_runtime.core.interfaces import LabelPass
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.atmosphere.weather_light import WeatherLight, initial_light, move_air
 from recipe_runtime.render.camera.develop_kernels import Response
@@ -64,6 +65,7 @@ class FrameStream:
         appearances: Sequence[AppearancePlan],
         in_flight: int = 16,
         patched: Sequence[AppearancePlan] = (),
+        label_passes: Sequence[LabelPass] = (),
     ) -> None:
         """Prepare the stream; each frame has a map of the patches of each of the appearances `patched`."""
         self._g, self._device, self._camera, self._sensor = geometry, device, camera_plan, sensor
@@ -84,6 +86,7 @@ class FrameStream:
             suns,
             looks,
             [patch_shapes(geometry, plan.patches, device) for plan in patched],
+            label_passes,
             tiles=wp.array(all_tiles(camera_plan), dtype=wp.int32, device=device),
             no_shadows=struct_array([shadows.none()] * 4, device),
             layout=frame_layout(geometry, len(suns), len(looks)),

@@ -29,8 +29,9 @@ from recipe_runtime.render.lighting.temporal import all_samples
 from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame
 from recipe_runtime.render.patches.patch_map import draw_patch_numbers
 from recipe_runtime.render.raster import passes as raster_passes
-from recipe_runtime.render.raster.observation import FrameLabels, objects_of
+from recipe_runtime.render.raster.observation import RecordedLabels, objects_of
 from recipe_runtime.render.raster.passes import Labels
+from recipe_runtime.render.raster.surfaces import VisibleSurfaces
 from recipe_runtime.render.sampling import passes as sample_passes
 from recipe_runtime.render.sampling.buffers import samples_of, scene_arrays
 from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples
@@ -48,7 +49,7 @@ class RenderedFrame:
     """
 
     number: int
-    observation: FrameLabels
+    observation: RecordedLabels
     pictures: tuple[NDArray[np.uint8], ...]
     patch_maps: tuple[NDArray[np.uint8], ...]
 
@@ -95,14 +96,14 @@ class RecordedFrame:
         h, camera = self._host, self.setup.camera
         shape = camera.height, camera.width
         visible, amodal, projected = h["extents"][:3]
-        seen = FrameLabels(
-            depth=h["depth"].reshape(shape),
-            instance=h["instance"].reshape(shape),
-            semantic=h["semantic"].reshape(shape),
+        layers = {p.name: h[f"layer {p.name}"].reshape(p.shape(*shape[::-1])) for p in self.setup.label_passes}
+        seen = RecordedLabels(
+            **{name: h[name].reshape(shape) for name in Labels._fields},
             objects=objects_of(self.setup.g, visible, amodal, projected),
             camera=camera,
             world_from_sensor=pose,
             parts=parts,
+            layers=layers,
         )
         pictures = tuple(h[f"rgb {v}"].reshape(*shape, 3) for v in range(len(self.setup.appearances)))
         maps = tuple(h[f"patches {k}"].reshape(shape) for k in range(len(self.setup.patched)))
@@ -131,7 +132,7 @@ class RecordedFrame:
         self._out = wp.zeros(results.size, dtype=wp.uint8, device=device)
         self._out_host = wp.zeros(results.size, dtype=wp.uint8, device="cpu", pinned=self._cuda)
         self._r, self._host = results.arrays(self._out), results.views(self._out_host.numpy())
-        self._labels = Labels(self._r["depth"], self._r["instance"], self._r["semantic"])
+        self._labels = Labels(*(self._r[name] for name in Labels._fields))
         self._no_extents: wp.array[wp.int32] = wp.array(
             raster_passes.empty_extents(setup.g, 4), dtype=wp.int32, device=device
         )
@@ -203,6 +204,9 @@ class RecordedFrame:
         self._raster(n.coarse, 1)
         wp.copy(r["extents"].flatten(), self._no_extents.flatten())
         raster_passes.label_pixels(g, setup.tiles, n.coarse, camera, self._labels, r["extents"][0], device)
+        surfaces = VisibleSurfaces(g, camera, n.coarse, n.vertices, view, device)
+        for label in setup.label_passes:
+            label.draw(surfaces, r[f"layer {label.name}"])
         for first in range(0, len(g.actors), raster_passes.ACTORS_PER_WORD):
             self._raster(n.actor_bits, 1, g.static_chunks, first)
             raster_passes.count_amodal(g, setup.tiles, n.actor_bits, first, camera, r["extents"][1], device)

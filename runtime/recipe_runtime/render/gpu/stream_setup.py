@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
+from recipe_runtime.core.interfaces import LabelPass
 from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.atmosphere.weather_light import WeatherLight
 from recipe_runtime.render.camera.develop_kernels import Response
@@ -51,6 +52,7 @@ class StreamSetup:
     suns: list[NDArray[np.float64]]
     appearances: list[ShadedAppearance]
     patched: list[DeviceArray]  # one-element arrays of PatchArrays, whose patches are numbered in each frame
+    label_passes: Sequence[LabelPass]  # of further labels
     tiles: DeviceArray  # int32, every tile of the picture
     no_shadows: DeviceArray  # four empty shadow maps, for appearances without sunlight
     layout: MemoryLayout  # of what changes from frame to frame
@@ -90,9 +92,11 @@ def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:
 
 def result_layout(setup: StreamSetup) -> MemoryLayout:
     """Return the layout of a frame's results."""
-    layout, labels = MemoryLayout(), (("depth", wp.float32), ("instance", wp.uint16), ("semantic", wp.uint8))
-    for name, kind in labels:
+    layout = MemoryLayout()
+    for name, kind in raster_passes.LABEL_TYPES.items():
         layout.add(name, kind, (setup.pixels,))
+    for label in setup.label_passes:
+        layout.add(f"layer {label.name}", wp.dtype_from_numpy(np.dtype(label.dtype)), (setup.pixels * label.channels,))
     layout.add("extents", wp.int32, raster_passes.empty_extents(setup.g, 4).shape)
     layout.add("cursor", wp.int32, (1,))
     for v in range(len(setup.appearances)):

@@ -42,10 +42,9 @@ def undistorted_position(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2
     return wp.vec2d(wp.float64(c.wide) * wp.float64(0.5) + f * dx, wp.float64(c.high) * wp.float64(0.5) + f * dy)
 
 
-@wp.kernel
-def resample_words(words: wp.array[wp.uint64], distortion: Distortion, out_words: wp.array[wp.uint64]):
-    """Copy to each pixel the word of the undistorted image's sample that is nearest to the pixel's centre."""
-    i = wp.tid()
+@wp.func
+def nearest_sample(i: wp.int32, distortion: Distortion) -> wp.int32:
+    """Return the number of the undistorted image's sample that is nearest to the centre of pixel number i."""
     p = undistorted_position(
         wp.float64(i % distortion.width) + wp.float64(0.5),
         wp.float64(i / distortion.width) + wp.float64(0.5),
@@ -53,7 +52,14 @@ def resample_words(words: wp.array[wp.uint64], distortion: Distortion, out_words
     )
     x = wp.min(wp.max(wp.int32(p[0]), 0), distortion.wide - 1)
     y = wp.min(wp.max(wp.int32(p[1]), 0), distortion.high - 1)
-    out_words[i] = words[y * distortion.wide + x]
+    return y * distortion.wide + x
+
+
+@wp.kernel
+def resample_words(words: wp.array[wp.uint64], distortion: Distortion, out_words: wp.array[wp.uint64]):
+    """Copy to each pixel the word of the undistorted image's sample that is nearest to the pixel's centre."""
+    i = wp.tid()
+    out_words[i] = words[nearest_sample(i, distortion)]
 
 
 @wp.func

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -9,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import CameraPlan
 
+from recipe_runtime.core.interfaces import LabelPass
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.raster.surfaces import VisibleSurfaces
 from recipe_runtime.render.scene.geometry import Geometry
 
 Box = tuple[int, int, int, int]
@@ -48,6 +51,17 @@ class FrameLabels:
 
 
 @dataclass(frozen=True, eq=False)
+class RecordedLabels(FrameLabels):
+    """The labels of a recorded frame, and those of its passes."""
+
+    layers: Mapping[str, NDArray[np.generic]]  # by modality
+
+    def drawn(self, label_pass: LabelPass) -> NDArray[np.generic]:
+        """Return the array of a pass: [H, W], or [H, W, channels] of a pass with several."""
+        return self.layers[label_pass.name]
+
+
+@dataclass(frozen=True, eq=False)
 class Observation(FrameLabels):
     """The labels of a frame, and the arrays that sampling and shading start from."""
 
@@ -58,6 +72,11 @@ class Observation(FrameLabels):
     touched: NDArray[np.int32] = field(
         repr=False
     )  # the tiles in which moving objects may be visible, as `all_tiles` encodes them
+    surfaces: VisibleSurfaces = field(repr=False)  # for passes of further labels, which are computed on demand
+
+    def drawn(self, label_pass: LabelPass) -> NDArray[np.generic]:
+        """Return the array of a pass: [H, W], or [H, W, channels] of a pass with several."""
+        return self.surfaces.drawn(label_pass)
 
     @cached_property
     def device_depth(self) -> DeviceArray:

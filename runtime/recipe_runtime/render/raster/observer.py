@@ -26,6 +26,7 @@ from recipe_runtime.render.raster import label_kernels, passes
 from recipe_runtime.render.raster.distortion import apply_distortion, undistorted_camera
 from recipe_runtime.render.raster.observation import Observation, objects_of
 from recipe_runtime.render.raster.passes import Labels
+from recipe_runtime.render.raster.surfaces import VisibleSurfaces
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
 from recipe_runtime.render.scene.geometry import Geometry
 
@@ -90,12 +91,12 @@ class Observer:
         with self._timings("label"):
             visible = self._label(camera, keys, all_tiles(camera) if still is None else touched, labels)
             shape = camera.height, camera.width
-            arrays = labels.depth, labels.instance, labels.semantic
-            depth, instance, semantic = (a.numpy().reshape(shape) for a in arrays)
+            depth, instance, semantic = (a.numpy().reshape(shape) for a in labels)
         with self._timings("amodal"):
             amodal = self._amodal(camera, vertices, chunks, touched)
         objects = objects_of(self._g, visible, amodal, projected)
-        seen = camera, world_from_sensor, parts, keys, vertices, chunks, pose, touched
+        surfaces = VisibleSurfaces(self._g, camera, keys, vertices, matrices, self._device)
+        seen = camera, world_from_sensor, parts, keys, vertices, chunks, pose, touched, surfaces
         made = Observation(depth, instance, semantic, objects, *seen)
         if still is not None:
             weakref.finalize(made, still.give_back, vertices).atexit = False

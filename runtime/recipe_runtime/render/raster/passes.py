@@ -8,7 +8,7 @@ the visibility keys of the samples. Outputs come last.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from recipe_compiler.ir.plan import CameraPlan
@@ -26,9 +26,8 @@ ACTORS_PER_WORD = 64  # one bit each in a 64-bit word
 _FAR_AWAY = 1 << 30  # 1/256 pixels: the bounds of an empty box
 
 
-@dataclass(frozen=True)
-class Labels:
-    """Labels of a picture's pixels on the device, row by row."""
+class Labels(NamedTuple):
+    """The labels of every observation: of a picture's pixels on the device, row by row."""
 
     depth: DeviceArray  # float32 [H * W], metres along the optical axis
     instance: DeviceArray  # uint16 [H * W]
@@ -37,12 +36,15 @@ class Labels:
     @staticmethod
     def empty(camera: CameraPlan, device: str) -> Labels:
         """Allocate labels, uninitialised."""
-        kinds = (wp.float32, wp.uint16, wp.uint8)
-        return Labels(*(wp.empty(camera.width * camera.height, dtype=kind, device=device) for kind in kinds))
+        pixels = camera.width * camera.height
+        return Labels(*(wp.empty(pixels, dtype=kind, device=device) for kind in LABEL_TYPES.values()))
 
     def clone(self) -> Labels:
         """Return a copy."""
-        return Labels(wp.clone(self.depth), wp.clone(self.instance), wp.clone(self.semantic))
+        return Labels(*map(wp.clone, self))
+
+
+LABEL_TYPES = dict(zip(Labels._fields, (wp.float32, wp.uint16, wp.uint8), strict=True))
 
 
 @dataclass(frozen=True)
