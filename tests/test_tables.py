@@ -41,7 +41,7 @@ def test_names_are_listed_in_one_module(package: str, table: str, names: frozens
 
 
 def test_a_repeated_list_is_found() -> None:
-    tree = ast.parse('x = ("rgb", "depth", "semantic")')
+    tree = ast.parse('x = ("rgb", "depth", "semantic", "instance")')
     assert listed(tree, frozenset(MODALITIES)) == [1]
     assert listed(ast.parse('x = ("rgb", "depth")'), frozenset(MODALITIES)) == []
 
@@ -52,7 +52,8 @@ def literals(name: str) -> set[str]:
     return {path for path, tree in every if any(isinstance(n, ast.Constant) and n.value == name for n in walk(tree))}
 
 
-# Strings that name something else: fields of records of labels and patches, a stream, a folder of Armory.
+# Strings that name something else: fields of records of labels and patches, a stream, a folder of Armory, columns of
+# vertices.
 OTHER_MEANINGS = {
     "depth": {
         "recipe_runtime/attacks/patch_metadata.py",
@@ -72,6 +73,7 @@ OTHER_MEANINGS = {
         "recipe_runtime/torch.py",
         "recipe_runtime/transfer/armory.py",
     },
+    "normals": {"recipe_runtime/render/sampling/buffers.py", "recipe_runtime/render/scene/geometry.py"},
 }
 
 

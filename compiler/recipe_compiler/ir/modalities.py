@@ -65,6 +65,14 @@ _KINDS = (
     ),
     Kind("instance", "objects", (Form("png", "16-bit PNG", 0.006, 0.003),)),
     Kind("semantic", "classes", (Form("png", "8-bit PNG", 0.016, 0.003),)),
+    Kind(
+        "normals",
+        "surface normals in the camera's optical frame",
+        (
+            Form("png", "16-bit RGB PNG", 1.2, 0.11),
+            Form("npy", "float32 unit vectors", 12.0, 0.07, ending="npy", copy="png"),
+        ),
+    ),
 )
 
 KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _KINDS}

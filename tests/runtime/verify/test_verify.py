@@ -27,6 +27,7 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.core.versions import host_versions
 from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.dataset.digests import frame_keys
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.verify.compare import compare_locks, text_note
 from recipe_runtime.verify.locking import lock
@@ -108,7 +109,7 @@ ROW = ("0" * 16, "street", "rgb", 3)
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"frames": {}}, "it lacks 120 frame rows"),
+        ({"frames": {}}, f"it lacks {len(set(frame_keys(PLAN)))} frame rows"),
         ({"frames": {ROW: "0" * 64}}, "it has 1 surplus frame row"),
         ({"traces": {}}, "it lacks 1 trace row"),
         ({"stages": {}}, "it lacks 6 stage rows"),
