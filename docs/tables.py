@@ -13,8 +13,10 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+from recipe_compiler.ir.modalities import CHOICES, KINDS, MODALITIES
 from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import towns, weather
+from recipe_runtime.modalities import declared
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -76,7 +78,37 @@ def town_table() -> str:
     return table(("town", "content", "parameters, with range and default"), rows)
 
 
+def modality_names() -> str:
+    """Return the names of all modalities."""
+    return code(MODALITIES)
+
+
+def modalities() -> str:
+    """Return the table of modalities, their arrays and files."""
+    rows = []
+    for name, kind in KINDS.items():
+        made = declared(name)
+        shape = "[H, W]" if made.channels == 1 else f"[H, W, {made.channels}]"
+        files = "; ".join(f"`.{form.ending}`: {form.help}" for form in kind.forms)
+        rows.append((f"`{name}`", kind.help, f"{made.dtype} {shape}", files))
+    return table(("modality", "value of a pixel", "array", "files"), rows)
+
+
+def modality_forms() -> str:
+    """Return the table of the keys that choose the form of a modality's files."""
+    rows = []
+    for name, forms in CHOICES.items():
+        for form in forms:
+            copy = f"; with `kwcoco`, which does not read it, a `.{form.copy}` beside each" if form.copy else ""
+            default = " (default)" if form is forms[0] else ""
+            rows.append((f"`{name}: {form.name}`", f"{form.help}{copy}{default}"))
+    return table(("key", "files"), rows)
+
+
 PARTS: dict[str, Callable[[], str]] = {
+    "modalities": modalities,
+    "modality_forms": modality_forms,
+    "modality_names": modality_names,
     "presets": presets,
     "towns": town_table,
     "weather_parameters": weather_parameters,

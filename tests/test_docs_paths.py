@@ -80,7 +80,7 @@ def test_modules_exist(page: Path) -> None:
 def test_names_are_in_the_files_that_the_steps_give() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     pairs = re.findall(r"`(\w+)`(?:,? (?:in|of)|, to)\s+`([a-z]+/[\w/]+\.py)`", text)
-    assert len(pairs) > 10
+    assert len(pairs) > 5
     for name, path in pairs:
         assert re.search(rf"\b{name}\b", (ROOT / path).read_text(encoding="utf-8")), f"{name} is not in {path}"
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.library import towns
 from recipe_runtime.dataset.plan_checks import check_bounds
 
@@ -27,7 +28,10 @@ def test_broken_recipe_is_refused_with_its_exact_text(folder: Path) -> None:
     with pytest.raises(InputError) as caught:
         compile_recipe(folder / "recipe.yaml")
     text = str(caught.value).replace(f"{folder}/", "") + "\n"
-    assert text == (folder / "error.txt").read_text(encoding="utf-8").replace("{towns}", ", ".join(towns.NAMES))
+    expected = (folder / "error.txt").read_text(encoding="utf-8")
+    for names, listed in (("{towns}", towns.NAMES), ("{modalities}", MODALITIES)):
+        expected = expected.replace(names, ", ".join(listed))
+    assert text == expected
     assert text.replace("\n", "").isprintable()  # no control characters
 
 

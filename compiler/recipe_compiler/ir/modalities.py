@@ -53,24 +53,28 @@ class Kind:
 
 
 _KINDS = (
-    Kind("rgb", "colour", (Form("png", "8-bit sRGB PNG", 1.52, 0.015),), is_label=False),
+    Kind("rgb", "colour, antialiased", (Form("png", "8-bit sRGB PNG", 1.52, 0.015),), is_label=False),
     Kind(
         "depth",
-        "distance along the optical axis",
+        "metres along the optical axis; the camera's far limit for the sky",
         (
-            Form("carla", "CARLA's 24-bit PNG, which ends at 1000 m", 0.5, 0.02, level_size=0.15),
-            Form("npy", "float32 in metres", 4.9, 0.01, ending="npy", copy="tif"),
+            Form("carla", "CARLA's 24-bit PNG, in which distances end at 1000 m", 0.5, 0.02, level_size=0.15),
+            Form("npy", "float32", 4.9, 0.01, ending="npy", copy="tif"),
         ),
         always_listed=True,
     ),
-    Kind("instance", "objects", (Form("png", "16-bit PNG", 0.006, 0.003),)),
-    Kind("semantic", "classes", (Form("png", "8-bit PNG", 0.016, 0.003),)),
+    Kind(
+        "instance",
+        "CARLA tag * 1000 + number of the actor; 0 for town and sky",
+        (Form("png", "16-bit PNG", 0.006, 0.003),),
+    ),
+    Kind("semantic", "CARLA 0.9.14+ tag", (Form("png", "8-bit PNG", 0.016, 0.003),)),
     Kind(
         "normals",
-        "surface normals in the camera's optical frame",
+        "unit normal of the surface in the optical frame (x right, y down, z forward); 0 for the sky",
         (
-            Form("png", "16-bit RGB PNG", 1.2, 0.11),
-            Form("npy", "float32 unit vectors", 12.0, 0.07, ending="npy", copy="png"),
+            Form("png", "16-bit RGB PNG", 0.9, 0.1),
+            Form("npy", "float32", 12.0, 0.06, ending="npy", copy="png"),
         ),
     ),
 )

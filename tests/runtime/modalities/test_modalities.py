@@ -22,6 +22,7 @@ from recipe_runtime.report.difference import PixelDifference, first_difference
 from recipe_runtime.webdataset import decode
 
 from tests.runtime.fakes import ENGINES, Renderer, dataset_plan, sensor_plan
+from tests.sources import ROOT
 
 PLAN = dataset_plan(frames=2, weathers=1)
 FILES = [(name, ending) for name in MODALITIES for ending in declared(name).files]
@@ -106,6 +107,12 @@ def test_a_frames_file_has_the_ending_of_the_form(name: str) -> None:
         path = layout.frame_file("a.b", "street", name, 7, {name: form.name})
         assert path == f"a_b/street/{name}/000007.{form.ending}"
         assert form_of(name, {name: form.name}) is form
+
+
+@pytest.mark.parametrize("name", MODALITIES)
+def test_the_documentation_describes_it(name: str) -> None:
+    for page in ("recipe-language.md", "dataset.md"):
+        assert f"`{name}`" in (ROOT / "docs" / page).read_text(encoding="utf-8"), page
 
 
 @pytest.mark.parametrize(("name", "form"), OTHERS)

@@ -29,7 +29,7 @@ TURNED = from_pose(Pose(x=2.0, y=-2.0, z=0.0, yaw=35.0, pitch=20.0, roll=-15.0))
 @pytest.fixture(scope="module")
 def renderer() -> Renderer:
     """Return a scene of ground, a ball and a moving box that is turned about all axes."""
-    still = Body("town", 0, (("g", ground(40.0, ROAD)), ("b", ball(1.8, BRICKS, 48, CENTRE))))
+    still = Body("town", 0, (("g", ground(40.0, ROAD)), ("b", ball(1.8, BRICKS, 48, CENTRE.tolist()))))
     return Renderer([still, Body("box", 14_001, (("base", box((-1, -1, 0), (1, 1, 2), PAINT)),))])
 
 
