@@ -176,7 +176,7 @@ def slow_build(folder: Path) -> tuple[subprocess.Popen[bytes], list[Path]]:
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # workers import the fakes
         process = subprocess.Popen([sys.executable, "-c", code], cwd=folder, stderr=errors, env=environment)
     deadline = time.monotonic() + 30
-    while len(list(folder.glob("cache/shards/*/*"))) < 3 + 1:  # and the list of them
+    while len(list(folder.glob("cache/shards/*/[0-9a-f]*"))) < 3 + 1:  # and the list of them; without temporary files
         assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.01)
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
