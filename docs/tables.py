@@ -7,16 +7,19 @@ declares. `tests/test_tables_of_docs.py` fails if a page is not current.
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from recipe_compiler.ir.modalities import CHOICES, KINDS, MODALITIES
 from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import towns, weather
 from recipe_runtime.modalities import declared
+from recipe_runtime.transfer import formats
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -34,9 +37,9 @@ def code(names: Iterable[object]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-def paragraph(text: str) -> str:
-    """Return a text broken into lines of at most 120 characters."""
-    return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False)
+def paragraph(text: str, indent: str = "") -> str:
+    """Return a text broken into lines of at most 120 characters; all but the first have the indent."""
+    return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False, subsequent_indent=indent)
 
 
 def renewed(text: str) -> str:
@@ -105,7 +108,31 @@ def modality_forms() -> str:
     return table(("key", "files"), rows)
 
 
+def format_names() -> str:
+    """Return the names of the export formats in one line."""
+    return code(formats.FORMATS)
+
+
+def format_list() -> str:
+    """Return the list of export formats with their options."""
+    lines = []
+    for name, kind in formats.FORMATS.items():
+        options = (f" `--{option.name}` {option.metavar}: {option.help}." for option in kind.options)
+        text = f"- [`{name}`](dataset.md#{name}): {kind.help}.{''.join(options)}"
+        lines.append(paragraph(text, indent="  "))
+    return "\n".join(lines)
+
+
+def format_sections() -> str:
+    """Return a section for each export format: the docstring of its module."""
+    docs = {name: inspect.getdoc(import_module(f"{formats.__name__}.{name}")) for name in formats.FORMATS}
+    return "\n\n".join(f"### {name}\n\n{text}" for name, text in docs.items())
+
+
 PARTS: dict[str, Callable[[], str]] = {
+    "format_list": format_list,
+    "format_names": format_names,
+    "format_sections": format_sections,
     "modalities": modalities,
     "modality_forms": modality_forms,
     "modality_names": modality_names,

@@ -1,4 +1,4 @@
-"""What users add is declared in one place: only the listed modules know the name of a weather parameter or a town."""
+"""What users add is declared in one place: only the listed modules know its name."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cache
 import pytest
 from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import towns
+from recipe_runtime.transfer import formats
 
 from tests.sources import PACKAGES, modules, walk
 
@@ -15,13 +16,20 @@ from tests.sources import PACKAGES, modules, walk
 WEATHER = ("recipe_compiler/ir/weather.py", "recipe_compiler/library/weather.py", "recipe_runtime/render/")
 # The town itself, and which of CARLA's towns it is similar to.
 TOWN = ("recipe_compiler/library/towns/", "recipe_compiler/carla/catalogue/towns.py")
+FORMATS = "recipe_runtime/transfer/formats"
 ALSO = {
     "sun_azimuth_angle": ("recipe_compiler/lowering/lower.py", "recipe_compiler/carla/weather.py"),  # or from the time
     "sun_altitude_angle": ("recipe_compiler/lowering/lower.py", "recipe_compiler/carla/weather.py"),
     "cloudiness": ("recipe_runtime/frames/portrait.py", "recipe_compiler/carla/weather.py"),  # some by default
     "downtown": ("recipe_compiler/schema/messages.py",),  # the example in error messages
+    "mots": ("recipe_runtime/core/layout.py",),  # a folder of datasets
+    "armory": ("recipe_compiler/ir/patches/__init__.py",),  # a method of color transfer
 }
-CASES = [*((name, WEATHER) for name in PARAMETERS), *((name, TOWN) for name in towns.NAMES)]
+CASES = [
+    *((name, WEATHER) for name in PARAMETERS),
+    *((name, TOWN) for name in towns.NAMES),
+    *((name, (f"{FORMATS}/__init__.py", f"{FORMATS}/{name}.py")) for name in formats.FORMATS),
+]
 
 
 @cache

@@ -58,20 +58,16 @@ OTHER_MEANINGS = {
     "depth": {
         "recipe_runtime/attacks/patch_metadata.py",
         "recipe_runtime/attacks/truth.py",
-        "recipe_runtime/transfer/armory.py",
-        "recipe_runtime/transfer/export_sequence.py",
     },
     "instance": {
         "recipe_compiler/lowering/placement.py",
         "recipe_runtime/annotate/coco.py",
-        "recipe_runtime/annotate/kitti.py",
         "recipe_runtime/annotate/mots.py",
         "recipe_runtime/annotate/objects.py",
         "recipe_runtime/dataset/card.py",
         "recipe_runtime/dataset/text_files.py",
         "recipe_runtime/report/contact_sheets.py",
         "recipe_runtime/torch.py",
-        "recipe_runtime/transfer/armory.py",
     },
     "normals": {"recipe_runtime/render/sampling/buffers.py", "recipe_runtime/render/scene/geometry.py"},
 }
@@ -79,7 +75,8 @@ OTHER_MEANINGS = {
 
 @pytest.mark.parametrize("name", LABEL_MODALITIES)
 def test_a_modality_is_known_by_its_module_and_the_registry(name: str) -> None:
-    """Only CARLA's importer names modalities, too. A new modality needs no other change."""
-    knowing = {path for path in literals(name) if not path.startswith("recipe_compiler/carla/forms/")}
+    """Only CARLA's importer names modalities, too, and export formats their files. A new modality needs no change."""
+    others = "recipe_compiler/carla/forms/", "recipe_runtime/transfer/formats/"
+    knowing = {path for path in literals(name) if not path.startswith(others)}
     expected = {"recipe_compiler/ir/modalities.py", f"recipe_runtime/modalities/{name}.py"}
     assert expected <= knowing <= expected | OTHER_MEANINGS.get(name, set())

@@ -157,7 +157,7 @@ def test_a_map_of_an_unknown_town_names_the_towns(tmp_path: Path) -> None:
 def test_a_shard_of_no_or_too_many_bytes_is_refused(tmp_path: Path, size: str) -> None:
     """It is refused before the dataset, which does not exist here, is read."""
     arguments = [str(tmp_path / "no"), str(tmp_path / "out"), "--shard-size", size]
-    with pytest.raises(InputError, match=f"--shard-size {size}: a shard holds 1 byte to "):
+    with pytest.raises(InputError, match=f"shard size {size}: a shard holds 1 byte to "):
         CliRunner().invoke(export.command, arguments, catch_exceptions=False)
 
 

@@ -145,7 +145,7 @@ def test_a_repair_interrupted_after_its_end_gets_the_same_message(
         (("lock", "small.yaml"), "recipe_runtime.verify.locking.lock"),
         (("verify", "small.yaml"), "recipe_runtime.verify.verify.verify"),
         (("verify", "datasets/small", "--integrity"), "recipe_runtime.verify.verify.verify_files"),
-        (("export", "datasets/small", "out"), "recipe_runtime.transfer.shards._write"),
+        (("export", "datasets/small", "out"), "recipe_runtime.transfer.export._write"),
         (("shot", "small.yaml"), "recipe_runtime.frames.shot.shot"),
     ],
 )

@@ -27,14 +27,14 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.lockfile import VariantRow
 from recipe_compiler.ir.plan import TownPlan
 from recipe_compiler.library import towns
-from recipe_runtime.annotate import kitti
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import reader
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.transfer import bundle
-from recipe_runtime.transfer.export_sequence import ExportSequence
+from recipe_runtime.transfer.formats import kitti
+from recipe_runtime.transfer.formats.sequence import ExportSequence
 from recipe_runtime.verify import trace_bundle
 from recipe_runtime.verify.compare import Side, compare_datasets, compare_locks
 from recipe_runtime.verify.diff import differences

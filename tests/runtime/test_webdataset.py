@@ -14,9 +14,9 @@ import webdataset
 from PIL import Image
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import BuildOptions, build
-from recipe_runtime.core import codecs
+from recipe_runtime.core import codecs, layout
 from recipe_runtime.dataset.reader import Dataset, read
-from recipe_runtime.transfer import shards
+from recipe_runtime.transfer.export import export
 from recipe_runtime.webdataset import decode
 
 from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan, simulate
@@ -39,12 +39,10 @@ def plan_of(**outputs: object) -> DatasetPlan:
 
 
 def exported(plan: DatasetPlan, folder: Path, count: int = 4) -> Dataset:
-    made = build(plan, folder / "data", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache"))
-    held = read(made.path)
-    index = shards.webdataset(
-        held, folder / "shards" / "weather_sweep", lambda *_: None, 1 if count > 1 else shards.SHARD_BYTES
-    )
-    assert [row["file"] for row in index["shards"]] == [f"weather_sweep-{n:06d}.tar" for n in range(count)]
+    held = read(build(plan, folder / "data", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache")).path)
+    options = {"shard-size": "1"} if count > 1 else {}
+    made = export(held, folder / "shards" / "weather_sweep", "webdataset", lambda *_: None, options=options)
+    assert [row["file"] for row in made.rows] == [f"weather_sweep-{n:06d}.tar" for n in range(count)]
     return held
 
 
@@ -71,7 +69,8 @@ def test_decoded_frames_equal_the_rendered_ones(tmp_path: Path, depth: str) -> N
         np.testing.assert_allclose(metres, made["depth"].astype(np.float32), atol=0 if depth == "npy" else 4e-5, rtol=0)
         seen = {int(value) for value in np.unique(made["instance"])} - {0}
         assert {thing["instance"] for thing in sample["json"]["objects"]} == seen
-        assert sample["json"]["frame"] == number
+        assert sample["__key__"] == f"{layout.folder(variant.variant)}/street/{number:06d}"
+        assert (sample["json"]["variant"], sample["json"]["frame"]) == (variant.variant, number)
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.manifest_reader import read as read_manifest
 from recipe_runtime.frames.shot import shot
 from recipe_runtime.scenario import Scenario, Scenes
-from recipe_runtime.transfer import shards
+from recipe_runtime.transfer.export import export
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
@@ -169,7 +169,7 @@ def test_mots_text_and_pictures_use_the_same_frame_numbers(slow: Path, whole: Pa
 
 
 def test_an_export_has_only_the_captured_frames(slow: Path, tmp_path: Path) -> None:
-    shards.webdataset(datasets.read(slow), tmp_path / "out", quiet)
+    export(datasets.read(slow), tmp_path / "out", "webdataset", quiet)
     names: list[str] = []
     for path in sorted((tmp_path / "out").glob("*.tar")):
         with tarfile.open(path) as shard:

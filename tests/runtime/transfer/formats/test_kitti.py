@@ -1,4 +1,4 @@
-"""Exports in the layouts of MOTSChallenge and KITTI: complete, deterministic, and read by independent code."""
+"""The export for KITTI, read by code that follows its development kit; `test_trackeval` evaluates it."""
 
 from __future__ import annotations
 
@@ -10,89 +10,28 @@ from typing import Any
 import numpy as np
 import pycocotools.mask
 import pytest
+from click.testing import CliRunner
 from numpy.typing import NDArray
 from PIL import Image
-from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import Pose
+from recipe_cli.commands.export import command
+from recipe_compiler.ir.plan import Pose, RigPlan
 from recipe_runtime.annotate.calibration import calibration
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core.transforms import compose, from_pose, invert
-from recipe_runtime.dataset import reader
-from recipe_runtime.dataset.reader import Dataset
-from recipe_runtime.transfer.layouts import Layout, export_layout
+from recipe_runtime.dataset.reader import Dataset, read
+from recipe_runtime.transfer.export import export
+from recipe_runtime.transfer.formats import kitti
 
 from tests.runtime.build.test_slow_sensors import slowed
-from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan, tree
+from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan
+from tests.runtime.transfer.conftest import quiet
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # pycocotools' decode
 
 
-def quiet(*_: object) -> None:
-    """Report no progress."""
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    folder = tmp_path_factory.mktemp("layouts")
-    return reader.read(
-        build(dataset_plan(), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
-    )
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["mots", "kitti"])
-def test_exports_are_deterministic_and_not_repeated(built: Dataset, tmp_path: Path, form: Layout) -> None:
-    index = export_layout(built, tmp_path / "a", form, quiet)
-    assert export_layout(built, tmp_path / "b", form, quiet) == index
-    files = tree(tmp_path / "a")
-    assert tree(tmp_path / "b") == files
-    assert files.keys() == {"index.json", *index["files"]}
-    assert json.loads(files["index.json"]) == json.loads(json.dumps(index))
-    assert export_layout(built, tmp_path / "a", form, quiet) == index
-
-
-@pytest.mark.slow
-def test_existing_files_are_replaced_only_on_request(built: Dataset, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()  # an empty folder is accepted
-    export_layout(built, out, "mots", quiet)
-    with pytest.raises(InputError, match="is not this export"):
-        export_layout(built, out, "kitti", quiet)
-    assert "sequences.csv" in export_layout(built, out, "kitti", quiet, replace=True)["files"]
-    (out / "training" / "mine.txt").write_text("a note")
-    export_layout(built, out, "mots", quiet, replace=True)
-    assert (tmp_path / "out.replaced" / "training" / "mine.txt").read_text() == "a note"
-
-
-@pytest.mark.slow
-def test_damaged_files_are_not_exported(tmp_path: Path) -> None:
-    made = build(
-        dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
-    ).path
-    picture = made / "weather=w0,jitter=still" / "street" / "rgb" / "000003.png"
-    body = picture.read_bytes()
-    picture.unlink()
-    picture.write_bytes(body[:-1] + b"?")
-    with pytest.raises(InputError, match=r"000003.png differs from its SHA-256"):
-        export_layout(reader.read(made), tmp_path / "out", "kitti", quiet)
-    assert not (tmp_path / "out").exists() and not (tmp_path / ".out.export").exists()
-
-
-def test_the_mots_export_equals_the_datasets_mots_annotations(built: Dataset, tmp_path: Path) -> None:
-    export_layout(built, tmp_path / "out", "mots", quiet)
-    for path in (built.root / "mots" / "MOTS-train").rglob("gt.txt"):
-        inside = path.relative_to(built.root / "mots")
-        assert (tmp_path / "out" / inside).read_bytes() == path.read_bytes()
-        pictures = (tmp_path / "out" / inside).parents[1] / "img1"
-        assert len(list(pictures.iterdir())) == 12
-    assert (tmp_path / "out/seqmaps/MOTS-train.txt").read_bytes() == (
-        built.root / "mots/seqmaps/MOTS-train.txt"
-    ).read_bytes()
-
-
-@pytest.mark.slow
-def test_kitti_masks_are_the_instance_pictures(built: Dataset, tmp_path: Path) -> None:
-    export_layout(built, tmp_path / "out", "kitti", quiet)
+def test_kitti_masks_are_the_instance_pictures(tiny: Dataset, tmp_path: Path) -> None:
+    export(tiny, tmp_path / "out", "kitti", quiet)
     rows = [line.split(",") for line in (tmp_path / "out/sequences.csv").read_text().splitlines()[1:]]
     assert [row[0] for row in rows] == [f"{n:04d}" for n in range(8)]
     painted = np.zeros((12, 48, 64), np.int64)
@@ -100,7 +39,7 @@ def test_kitti_masks_are_the_instance_pictures(built: Dataset, tmp_path: Path) -
         frame, identity, _, height, width, counts = line.split(" ")
         code = {"size": [int(height), int(width)], "counts": counts.encode()}
         painted[int(frame)] += pycocotools.mask.decode(code).astype(np.int64) * int(identity)
-    folder = built.root / "mots/instances/weather=w0_jitter=still+street"
+    folder = tiny.root / "mots/instances/weather=w0_jitter=still+street"
     assert np.array_equal(painted, np.stack([np.asarray(Image.open(p)) for p in sorted(folder.iterdir())]))
     seqmap = (tmp_path / "out/training/evaluate_tracking.seqmap.training").read_text().splitlines()
     assert seqmap[0] == "0000 empty 000000 000012"
@@ -110,13 +49,32 @@ def test_a_line_of_kittis_poses_is_a_frame(tmp_path: Path) -> None:
     """Regression: of a sensor with a tick, line k was the pose of its k-th picture, not of frame k."""
     plan = slowed(dataset_plan(weathers=1))
     path = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
-    export_layout(reader.read(path), tmp_path / "out", "kitti", quiet)
+    export(read(path), tmp_path / "out", "kitti", quiet)
     poses = np.loadtxt(tmp_path / "out/training/poses/0000.txt").reshape(-1, 3, 4)
     lines = (path / "weather=w0,jitter=still" / "street" / "labels.jsonl").read_text().splitlines()
     assert len(poses) == 11  # as many as in the list of sequences
     for label in map(json.loads, lines):
         np.testing.assert_array_equal(poses[label["frame"]], label["calibration"]["camera_to_world"][:3])
     assert np.isnan(poses[[k for k in range(11) if k % 5]]).all()
+
+
+def test_lens_distortion_is_reported_for_kitti(tmp_path: Path) -> None:
+    """Regression: boxes projected by a calibration of KITTI missed the pictures, without a message.
+
+    At first, the message named one sensor of several.
+    """
+    plan = dataset_plan(2, 1)
+    sensor = plan.variants[0].rig.sensors[0]
+    bent = sensor.model_copy(update={"camera": sensor.camera.model_copy(update={"lens_k": 0.3})})
+    straight, also = (each.model_copy(update={"name": "side"}) for each in (sensor, bent))
+    first = plan.variants[0].model_copy(update={"rig": RigPlan(sensors=(bent, straight))})
+    second = plan.variants[1].model_copy(update={"rig": RigPlan(sensors=(bent, also))})
+    plan = plan.model_copy(update={"variants": (first, second)})
+    made = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
+    for form, warned in (("kitti", True), ("mots", False)):
+        call = [str(made), str(tmp_path / form), "--format", form]
+        done = CliRunner().invoke(command, call, catch_exceptions=False)
+        assert (done.exit_code, "pictures of street, side have lens distortion" in done.stderr) == (0, warned)
 
 
 def kitti_corners(fields: list[str]) -> NDArray[np.float64]:
@@ -141,8 +99,6 @@ def level_box(frame_from_actor: NDArray[np.float64]) -> Any:
 @pytest.mark.parametrize(("camera_yaw", "actor_yaw"), [(0, 0), (30, 0), (0, 70), (-100, -60), (170, 10)])
 def test_kitti_boxes_equal_the_boxes_of_the_dataset(camera_yaw: float, actor_yaw: float) -> None:
     """For a level camera, projections of the KITTI box by `calib` and of the world's box by K agree."""
-    from recipe_runtime.annotate import kitti
-
     sensor = from_pose(Pose(x=3, y=-2, z=1.6, yaw=camera_yaw))
     ahead = compose(sensor, from_pose(Pose(x=9, y=1.5, z=-1.6)))
     actor = from_pose(Pose(x=ahead[0, 3], y=ahead[1, 3], yaw=actor_yaw))

@@ -1,18 +1,19 @@
-"""Exports a dataset in the layouts that Armory's CARLA loaders read; the file names of MART are among them.
+"""The layouts that Armory's CARLA loaders read, with one patch; MART reads carla_over_obj_det.
 
-    carla_obj_det/dev/_out/: kwcoco_annotations_without_patch_and_sans_tiny_objects.json, sensor.camera.rgb.1/,
-        sensor.camera.depth.2/ (logarithmic greyscale), foreground_mask/, patch_metadata/
-    carla_over_obj_det/dev/: kwcoco_annotations.json, rgb/, depth/ (24 bits), foreground_mask/, patch_metadata/;
-        MART reads this layout too
-    carla_mot/dev/VIDEO/: rgb/, foreground_mask/, patch_metadata/, instances.txt
-    carla_video_tracking/dev/VIDEO/: 000001.png, 000001_mask.png, ..., gt_boxes.npy, gs_coords.npy
-    In the last two, pictures are counted from 1: those of a sensor with a tick have no gaps.
-    left_out.csv: frames and videos that a loader or an attack cannot use, with the reason
+    carla_obj_det/dev/_out/                 kwcoco_annotations_without_patch_and_sans_tiny_objects.json,
+                                            sensor.camera.rgb.1/, sensor.camera.depth.2/ (logarithmic greyscale),
+                                            foreground_mask/, patch_metadata/
+    carla_over_obj_det/dev/                 kwcoco_annotations.json, rgb/, depth/ (24 bits), foreground_mask/,
+                                            patch_metadata/
+    carla_mot/dev/<video>/                  rgb/, foreground_mask/, patch_metadata/, instances.txt
+    carla_video_tracking/dev/<video>/       000001.png, 000001_mask.png, ..., gt_boxes.npy, gs_coords.npy
+    left_out.csv                            frames and videos that a loader or an attack cannot use, with the reason
 
-The patch is the one that the export names, else the first of each variant: the loaders take one per sample. Boxes are
-x1, y1, x2, y2 in carla_obj_det and x, y, width, height elsewhere, and arrays have the types that the loaders expect.
-File names have no dots; those of patches that are not on the ground start with 1, from which a loader derives the
-bound of depth perturbation.
+In the last two, pictures are counted from 1: those of a sensor with a `tick` have no gaps. Boxes are x1, y1, x2, y2 in
+carla_obj_det and x, y, width, height elsewhere, and arrays have the types that the loaders expect. File names have no
+dots; those of patches that are not on the ground start with 1, from which a loader derives the bound of depth
+perturbation. A picture is written up to four times. `--json` has the number of rows of left_out.csv as `left_out`.
+[attacks.md](attacks.md#armory-and-mart) has more.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.errors import Code, InputError, Problem
 from recipe_compiler.ir.patches import PatchPlan
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.annotate.ids import annotation_id, image_id, video_id
@@ -38,15 +41,15 @@ from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.modalities.depth import NAME as DEPTH
 from recipe_runtime.modalities.depth import to_carla
-from recipe_runtime.transfer.export_sequence import Entry, ExportSequence
-from recipe_runtime.transfer.shards import damaged_file
+from recipe_runtime.transfer.formats.format import Entry, Format, Options, Remarks, Row
+from recipe_runtime.transfer.formats.sequence import ExportSequence, damaged_file
 
-Row = dict[str, object]
+Json = dict[str, object]
 
 _OBJ_DET, _OVER, _MOT, _TRACKING = (
     f"carla_{task}/dev" for task in ("obj_det", "over_obj_det", "mot", "video_tracking")
 )
-LEFT_OUT = "left_out.csv"
+_LEFT_OUT = "left_out.csv"
 _NAMES = {1: "pedestrian", 2: "vehicle", 3: "trafficlight"}  # by category id; the overhead layout has the first two
 _PERSONS = (Tag.PEDESTRIAN.value, Tag.RIDER.value)
 _LOG_SLOPE = 5.70378  # of the logarithmic depth: 1 + ln(metres / 1000) / 5.70378
@@ -84,71 +87,76 @@ class _Patched:
         return (frame for frame in self.frames if _has_depth(self.sequence) and is_usable(frame.patch))
 
 
-def check_patches(dataset: Dataset, name: str | None = None) -> None:
-    """Check that a dataset has pictures with a patch.
-
-    Args:
-        dataset: The dataset.
-        name: The patch; None for any.
-
-    Raises:
-        InputError: No variant has both a patch of that name and RGB pictures.
-    """
+def _check(dataset: Dataset, options: Options) -> None:
+    """Raise InputError unless a variant has both the patch, or any if none is named, and RGB pictures."""
+    name = options.get("patch")
     with_pictures = [v for v in dataset.plan.variants if any("rgb" in sensor.capture for sensor in v.rig.sensors)]
     names = list(dict.fromkeys(patch.name for variant in with_pictures for patch in variant.appearance.patches))
-    if name in names or (name is None and names):
-        return
-    if names:
+    if not names:
         raise InputError(
-            f"{dataset.name} has no picture with a patch {name!r}; it has {', '.join(names)}", code=Code.UNKNOWN_NAME
+            f"{dataset.name} has no picture with a patch",
+            help="add `patches` and `capture: [rgb, depth]` to the recipe, and build it again",
+            code=Code.INVALID_DATASET,
         )
-    raise InputError(
-        f"{dataset.name} has no picture with a patch",
-        help="add `patches` and `capture: [rgb, depth]` to the recipe, and build it again",
-        code=Code.INVALID_DATASET,
-    )
+    if name not in (None, *names):
+        what = f"{dataset.name} has no picture with a patch {name!r}; it has {', '.join(names)}"
+        raise InputError(what, code=Code.UNKNOWN_NAME)
 
 
-def sequence_files(sequence: ExportSequence) -> Iterator[Entry]:
+def _files(sequences: Sequence[ExportSequence], options: Options) -> Iterator[Entry]:
+    """Yield the files of all layouts, then the annotations of object detection, and the list of what is left out."""
+    patched = []
+    for sequence in sequences:
+        patch = _patch(sequence, options.get("patch"))
+        if patch is not None:
+            patched.append(_Patched(sequence, patch, _frames(sequence, patch)))
+            yield from _sequence_files(patched[-1])
+    path = f"{_OBJ_DET}/_out/kwcoco_annotations_without_patch_and_sans_tiny_objects.json"
+    yield Entry(path, _annotations(patched, overhead=False))
+    yield Entry(f"{_OVER}/kwcoco_annotations.json", _annotations(patched, overhead=True))
+    yield Entry(_LEFT_OUT, _left_out(sequences, patched))
+
+
+def _sequence_files(patched: _Patched) -> Iterator[Entry]:
     """Yield the files of one sequence in all layouts."""
-    patch = _patch(sequence)
-    if patch is None:
-        return
-    frames = _frames(sequence, patch)
+    sequence, patch, frames = patched.sequence, patched.patch, patched.frames
     coordinates, targets, rows = _coordinates(frames), _target_boxes(frames), _instances(frames)
     for step, (frame, corners) in enumerate(zip(frames, coordinates, strict=True), start=1):
         picture, mask = sequence.picture(frame.number), _mask_png(sequence, patch, frame.number)
         yield from _detection_files(sequence, patch, frame, picture, mask)
         if corners is not None and rows is not None:
             folder, stem = f"{_MOT}/{_video(sequence)}", f"{step:06d}"
-            yield f"{folder}/rgb/{stem}.png", picture
-            yield f"{folder}/foreground_mask/{stem}.png", mask
-            yield f"{folder}/patch_metadata/{stem}.npy", codecs.npy(corners)
+            yield Entry(f"{folder}/rgb/{stem}.png", picture)
+            yield Entry(f"{folder}/foreground_mask/{stem}.png", mask)
+            yield Entry(f"{folder}/patch_metadata/{stem}.npy", codecs.npy(corners))
         if corners is not None and targets is not None:
             folder, stem = f"{_TRACKING}/{_video(sequence)}", f"{step:06d}"
-            yield f"{folder}/{stem}.png", picture
-            yield f"{folder}/{stem}_mask.png", mask
+            yield Entry(f"{folder}/{stem}.png", picture)
+            yield Entry(f"{folder}/{stem}_mask.png", mask)
     found = [corners for corners in coordinates if corners is not None]
     if found and rows is not None:
-        yield f"{_MOT}/{_video(sequence)}/instances.txt", rows
+        yield Entry(f"{_MOT}/{_video(sequence)}/instances.txt", rows)
     if found and targets is not None:
-        yield f"{_TRACKING}/{_video(sequence)}/gt_boxes.npy", codecs.npy(targets)
-        yield f"{_TRACKING}/{_video(sequence)}/gs_coords.npy", codecs.npy(np.stack(found))
+        yield Entry(f"{_TRACKING}/{_video(sequence)}/gt_boxes.npy", codecs.npy(targets))
+        yield Entry(f"{_TRACKING}/{_video(sequence)}/gs_coords.npy", codecs.npy(np.stack(found)))
 
 
-def annotation_files(sequences: list[ExportSequence]) -> Iterator[Entry]:
-    """Yield the annotation files of object detection, and the list of what is left out."""
-    patches = [(sequence, _patch(sequence)) for sequence in sequences]
-    patched = [_Patched(s, patch, _frames(s, patch)) for s, patch in patches if patch is not None]
-    path = f"{_OBJ_DET}/_out/kwcoco_annotations_without_patch_and_sans_tiny_objects.json"
-    yield path, _annotations(patched, overhead=False)
-    yield f"{_OVER}/kwcoco_annotations.json", _annotations(patched, overhead=True)
-    yield LEFT_OUT, _left_out(sequences, patched)
+def _remarks(dataset: Dataset, out: Path, rows: Sequence[Row]) -> Remarks:
+    """Return how many rows list what is left out, with a note, or a warning if there is no picture."""
+    table, files = out / _LEFT_OUT, {row["file"] for row in rows}
+    left_out = len(table.read_text().splitlines()) - 1 if _LEFT_OUT in files else 0
+    facts = {"left_out": left_out}
+    if not any(file.endswith(".png") for file in files):
+        what, remedy = f"{out}: Armory can use no frame, so the export has no picture", f"{table} has the reasons"
+        return Remarks([Problem(what, None, remedy, Code.INVALID_DATASET)], facts=facts)
+    text = f"{table} has {count(left_out, 'row')}: frames and videos that were left out, with the reasons"
+    return Remarks(notes=[text] if left_out else [], facts=facts)
 
 
-def _patch(sequence: ExportSequence) -> PatchPlan | None:
-    """Return the patch to export; None if the variant lacks it, or the sensor has no RGB pictures."""
-    return sequence.patch_plan if "rgb" in sequence.sensor.capture else None
+def _patch(sequence: ExportSequence, name: str | None) -> PatchPlan | None:
+    """Return the patch to export, the first if `name` is None; None if it is absent, or there are no RGB pictures."""
+    patches = sequence.variant.appearance.patches if "rgb" in sequence.sensor.capture else ()
+    return next((patch for patch in patches if name in (None, patch.name)), None)
 
 
 def _frames(sequence: ExportSequence, patch: PatchPlan) -> list[_Frame]:
@@ -179,17 +187,18 @@ def _detection_files(
     stem = _stem(sequence, patch, frame.number)
     metres = sequence.depth(frame.number)
     corners = np.array(frame.patch["corners_int"], np.int32)
+    raw_corners = np.array(frame.patch["corners"], np.float64)
+    mean_depth = np.array(frame.patch["depth"], np.float64)
     for root, rgb, depth, pixels in (
         (f"{_OBJ_DET}/_out", "sensor.camera.rgb.1", "sensor.camera.depth.2", _log_depth(metres)),
         (_OVER, "rgb", "depth", to_carla(metres)),
     ):
-        yield f"{root}/{rgb}/{stem}.png", picture
-        yield f"{root}/{depth}/{stem}.png", codecs.png(pixels)
-        yield f"{root}/foreground_mask/{stem}.png", mask
-        yield f"{root}/patch_metadata/{stem}_coords.npy", codecs.npy(corners)
-        yield f"{root}/patch_metadata/{stem}_raw_coords.npy", codecs.npy(np.array(frame.patch["corners"], np.float64))
-        mean_depth = np.array(frame.patch["depth"], np.float64)
-        yield f"{root}/patch_metadata/{stem}_avg_depth.npy", codecs.npy(mean_depth)
+        yield Entry(f"{root}/{rgb}/{stem}.png", picture)
+        yield Entry(f"{root}/{depth}/{stem}.png", codecs.png(pixels))
+        yield Entry(f"{root}/foreground_mask/{stem}.png", mask)
+        yield Entry(f"{root}/patch_metadata/{stem}_coords.npy", codecs.npy(corners))
+        yield Entry(f"{root}/patch_metadata/{stem}_raw_coords.npy", codecs.npy(raw_corners))
+        yield Entry(f"{root}/patch_metadata/{stem}_avg_depth.npy", codecs.npy(mean_depth))
 
 
 def _annotations(patched: Sequence[_Patched], *, overhead: bool) -> Iterator[str]:
@@ -211,10 +220,10 @@ def _annotations(patched: Sequence[_Patched], *, overhead: bool) -> Iterator[str
     )
 
 
-def _image(sequence: ExportSequence, patch: PatchPlan, frame: _Frame, *, overhead: bool) -> Row:
+def _image(sequence: ExportSequence, patch: PatchPlan, frame: _Frame, *, overhead: bool) -> Json:
     """Return the row of an image, with exactly the keys that the loaders expect."""
     name = f"{_stem(sequence, patch, frame.number)}.png"
-    row: Row = {
+    row: Json = {
         "id": image_id(sequence.variant.variant, sequence.sensor.name, frame.number),
         "file_name": name if overhead else f"_out/sensor.camera.rgb.1/{name}",
         "width": sequence.sensor.camera.width,
@@ -232,7 +241,7 @@ def _image(sequence: ExportSequence, patch: PatchPlan, frame: _Frame, *, overhea
     return row
 
 
-def _object(sequence: ExportSequence, frame: int, item: _Object, *, overhead: bool) -> Row:
+def _object(sequence: ExportSequence, frame: int, item: _Object, *, overhead: bool) -> Json:
     names = sequence.variant.variant, sequence.sensor.name, frame
     x, y, w, h = item.bbox
     return {
@@ -318,7 +327,7 @@ def _mask_png(sequence: ExportSequence, patch: PatchPlan, frame: int) -> bytes:
     camera = sequence.sensor.camera
     try:
         mask = visible_mask(sequence.patch(frame, patch.name), camera.width, camera.height)
-    except (ValueError, TypeError, AttributeError) as error:
+    except ValueError as error:
         path = layout.patches_file(sequence.variant.variant, sequence.sensor.name, frame)
         raise damaged_file(sequence.dataset, f"{path}: {error}") from None
     return codecs.png(mask)
@@ -333,9 +342,11 @@ def _log_depth(metres: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 def _video(sequence: ExportSequence) -> str:
     """Return a unique name of a sequence, of letters, digits, `_`, `-`, `=` and `+`."""
-    plain = layout.sequence(sequence.variant.variant, sequence.sensor.name)
-    return f"{sequence.number:04d}_" + re.sub(r"[^A-Za-z0-9_=+-]", "_", plain)
+    return f"{sequence.number:04d}_" + re.sub(r"[^A-Za-z0-9_=+-]", "_", sequence.name)
 
 
 def _stem(sequence: ExportSequence, patch: PatchPlan, frame: int) -> str:
     return f"{0 if is_on_ground(patch) else 1}_{_video(sequence)}_{frame:06d}"
+
+
+FORMAT = Format(files=_files, check=_check, copies=4, remarks=_remarks)  # a copy for each layout

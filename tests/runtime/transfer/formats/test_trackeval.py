@@ -12,9 +12,10 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.library.blueprints import match
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import reader
-from recipe_runtime.transfer.layouts import Layout, export_layout
+from recipe_runtime.transfer.export import export
 
 from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.runtime.transfer.conftest import quiet
 
 pytestmark = [pytest.mark.trackeval, pytest.mark.filterwarnings("ignore")]
 
@@ -39,9 +40,8 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     dataset = reader.read(
         build(plan(), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
     )
-    forms: tuple[Layout, ...] = ("mots", "kitti")
-    for form in forms:
-        export_layout(dataset, folder / form, form, lambda *_: None)
+    for name in ("mots", "kitti"):
+        export(dataset, folder / name, name, quiet)
     return folder
 
 

@@ -24,64 +24,22 @@ from recipe_runtime.core import layout
 from recipe_runtime.dataset import reader
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.loading import opened
-from recipe_runtime.transfer import armory
-from recipe_runtime.transfer.export_sequence import ExportSequence
-from recipe_runtime.transfer.layouts import export_layout
+from recipe_runtime.transfer.export import export
+from recipe_runtime.transfer.formats import armory, sequence
+from recipe_runtime.transfer.formats.format import Row
+from recipe_runtime.transfer.formats.sequence import ExportSequence
 
-from tests.runtime.fakes import ENGINES, dataset_plan, tree
+from tests.runtime.fakes import tree
 from tests.runtime.test_python_page import examples
+from tests.runtime.transfer.conftest import RECIPE, quiet
 
 FRAMES, WIDTH, HEIGHT = 3, 96, 72
-RECIPE = """
-recipe: attacked
-seed: 3
-base:
-  clock: {fps: 10, frames: 3}
-  town: {name: downtown, blocks: [1, 1]}
-  actors:
-    car: {blueprint: vehicle.van.a, speed: 5, start: {x: -1.6, y: 1}, goal: {x: -1.6, y: -30}}
-    hero: {blueprint: walker.pedestrian.0001, speed: 1, start: {x: -4.5, y: -0.5}, goal: {x: -4.5, y: -9}}
-  patches:
-    poster: {on: {town: wall.1, size: {width: 4, height: 2}}, mode: green}
-  sensors:
-    street:
-      mount: {x: 1.5, y: -6, z: 1.6, yaw: 140}
-      camera: {width: 96, height: 72, fov: 70}
-      capture: [rgb, depth]
-    away: {mount: {x: 1.5, y: -6, z: 1.6, yaw: -40}, camera: {width: 96, height: 72, fov: 70}, capture: [rgb]}
-deltas:
-  weather:
-    clear: {}
-    foggy:
-      weather: {fog_density: 50}
-      patches: {banner: {on: {actor: car, surface: left, size: {width: 1.5, height: 0.5}}, texture: {color: "#102030"}}}
-"""
-
-
-def quiet(*_: object) -> None:
-    """Report no progress."""
 
 
 @pytest.fixture(scope="module")
-def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("attacked") / "recipe.yaml"
-    path.write_text(RECIPE)
-    return path
-
-
-@pytest.fixture(scope="module")
-def dataset(recipe: Path) -> Dataset:
-    plan, engines = opened(recipe)
-    folder = recipe.parent
-    return reader.read(
-        build(plan, folder / "out", BuildOptions(engines=engines, cache=folder / "cache", workers=0)).path
-    )
-
-
-@pytest.fixture(scope="module")
-def export(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(attacked: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("export") / "armory"
-    export_layout(dataset, out, "armory", quiet)
+    export(attacked, out, "armory", quiet)
     return out
 
 
@@ -130,8 +88,8 @@ def detection_examples(dev: Path, kind: str) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["obj_det", "over_obj_det"])
-def test_object_detection_is_read_back(dataset: Dataset, export: Path, recipe: Path, kind: str) -> None:
-    examples = detection_examples(export / f"carla_{kind}/dev", kind)
+def test_object_detection_is_read_back(attacked: Dataset, made: Path, recipe: Path, kind: str) -> None:
+    examples = detection_examples(made / f"carla_{kind}/dev", kind)
     assert len(examples) == 2 * FRAMES, "of the camera that shows the patch, in two weathers"
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:
         for frame, example in enumerate(examples[:FRAMES]):
@@ -161,8 +119,8 @@ def test_object_detection_is_read_back(dataset: Dataset, export: Path, recipe: P
             assert not any(crowd for *_, crowd in example["objects"])
 
 
-def test_corners_are_clockwise_from_the_top_left(export: Path) -> None:
-    for example in detection_examples(export / "carla_over_obj_det/dev", "over_obj_det"):
+def test_corners_are_clockwise_from_the_top_left(made: Path) -> None:
+    for example in detection_examples(made / "carla_over_obj_det/dev", "over_obj_det"):
         (ax, ay), (bx, by), (cx, cy), (dx, dy) = example["gs_coords"].tolist()
         assert ax < bx and dx < cx and ay < dy and by < cy
         inside = example["mask"][..., 0] > 0
@@ -171,8 +129,8 @@ def test_corners_are_clockwise_from_the_top_left(export: Path) -> None:
         assert rows.min() >= min(ay, by) - 1 and rows.max() <= max(cy, dy) + 1
 
 
-def test_mart_finds_mask_and_coordinates_by_the_name_of_the_picture(export: Path) -> None:
-    root = export / "carla_over_obj_det/dev"
+def test_mart_finds_mask_and_coordinates_by_the_name_of_the_picture(made: Path) -> None:
+    root = made / "carla_over_obj_det/dev"
     data = json.loads((root / "kwcoco_annotations.json").read_text())
     for row in data["images"]:
         mask = np.array(Image.open(root / "foreground_mask" / row["file_name"]).convert("L"))
@@ -182,8 +140,8 @@ def test_mart_finds_mask_and_coordinates_by_the_name_of_the_picture(export: Path
         assert all((root / modality / row["file_name"]).is_file() for modality in ("rgb", "depth"))
 
 
-def test_mot_is_read_back(export: Path, recipe: Path) -> None:
-    dev = export / "carla_mot/dev"
+def test_mot_is_read_back(made: Path, recipe: Path) -> None:
+    dev = made / "carla_mot/dev"
     videos = sorted(path.name for path in dev.iterdir())
     assert len(videos) == 2
     for video in videos:
@@ -210,7 +168,7 @@ def test_pictures_of_a_slow_sensor_are_numbered_as_its_labels(tmp_path: Path) ->
     plan, engines = opened(tmp_path / "recipe.yaml")
     plan = plan.model_copy(update={"variants": plan.variants[:1]})
     made = build(plan, tmp_path / "made", BuildOptions(engines=engines, cache=tmp_path / "cache", workers=0)).path
-    export_layout(reader.read(made), tmp_path / "out", "armory", quiet)
+    export(reader.read(made), tmp_path / "out", "armory", quiet)
     (video,) = (tmp_path / "out/carla_mot/dev").iterdir()
     assert sorted(p.name for p in (video / "rgb").iterdir()) == ["000001.png", "000002.png"]
     assert set(np.loadtxt(video / "instances.txt", dtype=np.float32)[:, 0]) == {1, 2}
@@ -218,10 +176,10 @@ def test_pictures_of_a_slow_sensor_are_numbered_as_its_labels(tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_the_example_of_the_page_reads_a_sample(
-    export: Path, recipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made: Path, recipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "exports").mkdir()
-    (tmp_path / "exports/armory").symlink_to(export)
+    (tmp_path / "exports/armory").symlink_to(made)
     monkeypatch.chdir(tmp_path)
     (example,) = [code for code in examples("docs/attacks.md") if "carla_mot" in code]
     known: dict[str, Any] = {}
@@ -236,8 +194,8 @@ def test_the_example_of_the_page_reads_a_sample(
     np.testing.assert_array_equal(known["corners"], metadata["gs_coords"])
 
 
-def test_video_tracking_is_read_back(export: Path, recipe: Path) -> None:
-    dev = export / "carla_video_tracking/dev"
+def test_video_tracking_is_read_back(made: Path, recipe: Path) -> None:
+    dev = made / "carla_video_tracking/dev"
     videos = sorted(path.name for path in dev.iterdir())
     assert len(videos) == 2
     for video in videos:
@@ -258,8 +216,8 @@ def test_video_tracking_is_read_back(export: Path, recipe: Path) -> None:
         assert np.load(dev / videos[0] / "gt_boxes.npy")[2].tolist() == [x, y, x + w, y + h]
 
 
-def test_skipped_pictures_are_listed(export: Path) -> None:
-    with (export / "left_out.csv").open(newline="") as file:
+def test_skipped_pictures_are_listed(made: Path) -> None:
+    with (made / "left_out.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {(row["sensor"], row["frame"], row["reason"]) for row in rows} == {
         ("away", "all", "no depth"),
@@ -268,15 +226,10 @@ def test_skipped_pictures_are_listed(export: Path) -> None:
     assert rows[0]["variant"] == "weather=clear"
 
 
-def test_equal_datasets_give_equal_exports(dataset: Dataset, export: Path, tmp_path: Path) -> None:
-    export_layout(dataset, tmp_path / "again", "armory", quiet)
-    assert tree(tmp_path / "again") == tree(export)
-
-
 @pytest.mark.slow
-def test_the_export_has_the_named_patch(dataset: Dataset, export: Path, recipe: Path, tmp_path: Path) -> None:
+def test_the_export_has_the_named_patch(attacked: Dataset, made: Path, recipe: Path, tmp_path: Path) -> None:
     """Armory allows one patch per sample; variants without the named patch are skipped."""
-    index = export_layout(dataset, tmp_path / "banner", "armory", quiet, patch="banner")
+    index = export(attacked, tmp_path / "banner", "armory", quiet, options={"patch": "banner"}).index
     assert index["patch"] == "banner"
     examples = detection_examples(tmp_path / "banner/carla_over_obj_det/dev", "over_obj_det")
     assert 0 < len(examples) <= FRAMES
@@ -287,10 +240,10 @@ def test_the_export_has_the_named_patch(dataset: Dataset, export: Path, recipe: 
             np.testing.assert_array_equal(example["gs_coords"], metadata["gs_coords"])
             np.testing.assert_array_equal(example["mask"], metadata["mask"])
     assert "all,weather=clear,street,all,no patch or no rgb" in (tmp_path / "banner/left_out.csv").read_text()
-    export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="poster")
-    assert without_index(tmp_path / "poster") == without_index(export), "the first patch is the default"
+    export(attacked, tmp_path / "poster", "armory", quiet, options={"patch": "poster"})
+    assert without_index(tmp_path / "poster") == without_index(made), "the first patch is the default"
     with pytest.raises(InputError, match="is not this export"):
-        export_layout(dataset, tmp_path / "poster", "armory", quiet, patch="banner")
+        export(attacked, tmp_path / "poster", "armory", quiet, options={"patch": "banner"})
 
 
 def without_index(folder: Path) -> dict[str, Any]:
@@ -298,20 +251,23 @@ def without_index(folder: Path) -> dict[str, Any]:
     return {path: content for path, content in tree(folder).items() if path != "index.json"}
 
 
-def test_an_unknown_patch_is_refused_with_the_valid_names(dataset: Dataset, tmp_path: Path) -> None:
+def test_an_unknown_patch_is_refused_with_the_valid_names(attacked: Dataset, tiny: Dataset, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no picture with a patch 'baner'; it has poster, banner"):
-        export_layout(dataset, tmp_path / "out", "armory", quiet, patch="baner")
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
-def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:
-    plain = build(
-        dataset_plan(), tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
-    ).path
+        export(attacked, tmp_path / "out", "armory", quiet, options={"patch": "baner"})
     with pytest.raises(InputError, match="has no picture with a patch"):
-        export_layout(reader.read(plain), tmp_path / "out", "armory", quiet)
+        export(tiny, tmp_path / "out", "armory", quiet)
     assert not (tmp_path / "out").exists()
+
+
+def test_what_armory_cannot_use_is_reported(attacked: Dataset, tmp_path: Path) -> None:
+    """Regression: an export of a patch that no frame shows had no picture, and no message."""
+    (tmp_path / "left_out.csv").write_text("layout,variant,sensor,frame,reason\nall,a,street,all,no patch or no rgb\n")
+    rows: list[Row] = [{"file": name, "size": 1, "sha256": "0"} for name in ("left_out.csv", "a.png")]
+    some = armory.FORMAT.remarks(attacked, tmp_path, rows)
+    assert "left_out.csv has 1 row: frames and videos that were left out" in some.notes[0]
+    none = armory.FORMAT.remarks(attacked, tmp_path, rows[:1])
+    assert "so the export has no picture" in none.warnings[0].message
+    assert some.facts == none.facts == {"left_out": 1}
 
 
 @pytest.mark.parametrize(
@@ -326,28 +282,28 @@ def test_a_dataset_without_patches_is_refused(tmp_path: Path) -> None:
         {"depth": []},
         {"depth": 1e300},
     ],
-    ids=lambda broken: str(broken)[:40],
+    ids=str,
 )
 def test_a_forged_truth_is_an_error(
-    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: dict[str, Any]
+    attacked: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: dict[str, Any]
 ) -> None:
-    from recipe_runtime.transfer import export_sequence, shards
+    found = sequence.picture_file
 
     def forged(*given: Any) -> bytes:
-        body = shards.picture_file(*given)
+        body = found(*given)
         if "/patches/" not in given[1]:
             return body
         truth = json.loads(body)
         truth["patches"][0] |= broken
         return json.dumps(truth).encode()
 
-    monkeypatch.setattr(export_sequence, "picture_file", forged)
+    monkeypatch.setattr(sequence, "picture_file", forged)
     with pytest.raises(InputError, match="patches/"):
-        export_layout(dataset, tmp_path / "out", "armory", quiet)
+        export(attacked, tmp_path / "out", "armory", quiet)
     assert not (tmp_path / "out").exists()
 
 
-def test_masks_are_not_kept_in_memory(dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_masks_are_not_kept_in_memory(attacked: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Memory may grow by a few numbers per frame; a frame's masks have up to 16 MiB."""
     size, found = 4 << 20, ExportSequence.labels
 
@@ -356,23 +312,23 @@ def test_masks_are_not_kept_in_memory(dataset: Dataset, tmp_path: Path, monkeypa
             yield {**frame, "objects": [{**item, "counts": "0" * size} for item in frame["objects"]]}
 
     monkeypatch.setattr(ExportSequence, "labels", labels)
-    pairs = [(variant, sensor) for variant in dataset.plan.variants for sensor in variant.rig.sensors]
-    sequences = [ExportSequence(dataset, *pair, number) for number, pair in enumerate(pairs)]
+    pairs = [(variant, sensor) for variant in attacked.plan.variants for sensor in variant.rig.sensors]
+    sequences = [ExportSequence(attacked, *pair, number) for number, pair in enumerate(pairs)]
     tracemalloc.start()
     try:
-        text = [piece for _, content in armory.annotation_files(sequences) for piece in content]
-        assert '"bbox"' in "".join(map(str, text))
+        texts = [entry.content for entry in armory.FORMAT.files(sequences, {}) if not isinstance(entry.content, bytes)]
+        assert any('"bbox"' in str(piece) for text in texts for piece in text)
         assert tracemalloc.get_traced_memory()[1] < 6 * size  # two frames of two objects
     finally:
         tracemalloc.stop()
 
 
-def test_the_lines_of_a_sequence_are_computed_once(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_lines_of_a_sequence_are_computed_once(attacked: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     """Computing them for each frame would take time quadratic in the number of frames."""
     made: list[int] = []
     monkeypatch.setattr(armory, "_instances", lambda frames: made.append(len(frames)))
-    variant = dataset.plan.variants[0]
-    list(armory.sequence_files(ExportSequence(dataset, variant, variant.rig.sensors[0], 0)))
+    variant = attacked.plan.variants[0]
+    list(armory.FORMAT.files([ExportSequence(attacked, variant, variant.rig.sensors[0], 0)], {}))
     assert made == [FRAMES]
 
 
