@@ -45,6 +45,7 @@ FORMATS: Mapping[str, Kind] = {
     "mots": Kind("the layout of MOTSChallenge, which TrackEval reads"),
     "kitti": Kind("the layout of KITTI's tracking and MOTS benchmarks"),
     "armory": Kind("the layouts of Armory's CARLA datasets, with one patch", (_PATCH,)),
+    "yolo": Kind("the layout on which Ultralytics' YOLO trains detectors"),
 }
 """All export formats by name, the default first."""
 
