@@ -11,6 +11,7 @@ import click
 import pytest
 from click.shell_completion import ShellComplete
 from recipe_cli.main import recipe
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.library import towns
 
 from tests.cli.test_commands import RECIPE
@@ -42,7 +43,7 @@ def completed(*words: str) -> list[str]:
         (("shot", "small.yaml", "--variant", ""), ["weather=dry", "weather=wet"]),
         (("plan", "small.yaml", "--variant", "weather=w"), ["weather=wet"]),
         (("shot", "small.yaml", "--sensor", ""), ["street"]),
-        (("shot", "small.yaml", "--modality", ""), ["rgb", "depth", "instance"]),
+        (("shot", "small.yaml", "--modality", ""), list(MODALITIES)),
         (("shot", "small.yaml", "--device", "cp"), ["cpu"]),
         (("verify", "small.yaml", "--device", "cud"), ["cuda"]),
         (("shot", "gone.yaml", "--variant", ""), []),

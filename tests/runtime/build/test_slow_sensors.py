@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan import DatasetPlan, RigPlan, SensorPlan
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
@@ -77,7 +78,7 @@ def test_a_plan_without_intervals_does_not_contain_the_field() -> None:
 def test_captured_frames_equal_those_of_a_full_build_and_others_are_absent(slow: Path, whole: Path) -> None:
     ours, theirs = tree(slow), tree(whole)
     for variant in SLOW.variants:
-        for modality in ("rgb", "depth", "instance", "semantic"):
+        for modality in MODALITIES:
             folder = f"{variant.variant}/street/{modality}"
             there = {path for path in ours if path.startswith(folder)}
             assert there == {f"{folder}/{k:06d}.png" for k in TAKEN}
@@ -92,7 +93,9 @@ def test_captured_frames_equal_those_of_a_full_build_and_others_are_absent(slow:
 
 def test_the_estimated_size_counts_captured_frames_only() -> None:
     plan_checks.check_bounds(SLOW)
-    assert plan_checks.row_count(SLOW) == 4 * (3 * 5 + 12 * 3)  # labels and four modalities; labels and two modalities
+    assert plan_checks.row_count(SLOW) == 4 * (
+        3 * (1 + len(MODALITIES)) + 12 * 3
+    )  # labels and all modalities; labels and two
     assert len(list(digests.frame_keys(SLOW))) == plan_checks.row_count(SLOW)
     files = len(layout.expected_files(SLOW))
     assert files <= plan_checks.file_count(SLOW) <= files + 12
