@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recipe_compiler.carla.handedness import Pose, board_pose, normalize_angle
+from recipe_compiler.carla.handedness import Pose, board_pose
 
 angles = st.floats(-720, 720)
 metres = st.floats(-1000, 1000)
@@ -62,9 +62,3 @@ def test_a_board_has_the_corners_of_oscars_patch(pose: Pose, height: float) -> N
         assert np.allclose(MIRROR @ theirs, ours, atol=1e-6)
     face = MIRROR @ carla_rotation(pose) @ np.array([0.0, 0.0, 1.0])
     assert np.allclose(rotation @ np.array([1.0, 0.0, 0.0]), face, atol=1e-6)
-
-
-@given(angles)
-def test_turned_angles_are_the_same_direction(angle: float) -> None:
-    assert -180.0 < normalize_angle(angle) <= 180.0
-    assert math.isclose(math.remainder(angle - normalize_angle(angle), 360.0), 0.0, abs_tol=1e-9)

@@ -77,12 +77,6 @@ def test_a_file_of_weather_is_a_variant_in_every_form(form: str, tmp_path: Path)
     assert other.appearance.weather.cloudiness == 40  # a key missing in the file has the configuration's value
 
 
-def test_a_configuration_without_weather_has_the_weathers_of_the_files(tmp_path: Path) -> None:
-    text = HEAD + "  - blueprint: {name: sensor.camera.rgb}\n"
-    one = import_text(text, "weather: {wetness: 1}", "weather: {wetness: 2}")
-    assert [plan.appearance.weather.wetness for plan in compiled(one, tmp_path).plan.variants] == [1, 2]
-
-
 def test_files_of_oscar_are_classified_by_content(tmp_path: Path) -> None:
     """Its collector.yaml has no actors, and the file of a Hydra group does not contain the name of the group."""
     collector = "defaults: [_self_]\nmax_frames: ???\nactors: {}\nspawn_actors: ${oc.dict.values:actors}\n"
@@ -100,13 +94,6 @@ def test_files_of_oscar_are_classified_by_content(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.slow
-def test_two_configurations_are_two_recipes() -> None:
-    first, second = import_files(CONFIGS / "tracking.yaml", CONFIGS / "two_rigs.yaml")
-    assert (first.name, second.name) == ("tracking", "two_rigs")
-    assert {row.place.file for row in first.report.rows} == {"tracking.yaml"}
-
-
 def test_a_slow_sensor_captures_fewer_frames(tmp_path: Path) -> None:
     text = HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.1'}}\n"
     assert plan_of(text, tmp_path).rig.sensors[0].interval == 3
@@ -121,12 +108,6 @@ def test_a_sensor_inside_a_moving_sensor_belongs_to_its_rig(tmp_path: Path) -> N
     assert sensor.capture == ("rgb", "depth")
     with pytest.raises(InputError, match="which moves, but has a different pose"):
         import_text(text + "        transform: {location: {x: 1}}\n")
-
-
-def test_the_colour_of_a_vehicle_is_its_paint(tmp_path: Path) -> None:
-    (one,) = import_files(CONFIGS / "every_key.yaml")
-    (plan,) = compiled(one, tmp_path).plan.variants
-    assert plan.appearance.looks.root["ego"]["paint"] == "#ff0000"
 
 
 def test_the_scene_of_oscar_has_patch_crowd_and_warm_up(tmp_path: Path) -> None:
@@ -161,14 +142,6 @@ def test_a_configuration_fits_into_every_town(town: str, tmp_path: Path) -> None
     assert compiled(one, tmp_path).plan.variants[0].scene.town.name == town
 
 
-def test_names_differ_in_more_than_case(tmp_path: Path) -> None:
-    (one,) = import_files(CONFIGS / "tracking.yaml")
-    assert [actor.name for actor in compiled(one, tmp_path).plan.variants[0].scene.actors] == [
-        "child_one",
-        "Child_One_2",
-    ]
-
-
 def test_carlas_blueprints_become_those_of_the_library() -> None:
     for name in catalogue._CLOSEST:
         kind = name.split(".")[0]
@@ -180,14 +153,6 @@ def test_carlas_blueprints_become_those_of_the_library() -> None:
     again = {catalogue.closest_match("vehicle.audi.*", "vehicle", 5, "a") for _ in range(3)}
     assert len(again) == 1
     assert catalogue.closest_match("vehicle.none", "vehicle", 0, "a") is None
-
-
-def test_children_are_imported_as_children() -> None:
-    for number in (9, 10, 14, 48, 49):
-        found = catalogue.closest_match(f"walker.pedestrian.{number:04d}", "walker", 0, "a")
-        assert found is not None
-        (person,) = blueprints.match(found[0])
-        assert person.attributes["generation"] == "child"
 
 
 def test_every_town_of_carla_has_a_counterpart() -> None:
