@@ -65,14 +65,6 @@ def test_it_overwrites_nothing_without_replace(tmp_path: Path) -> None:
     assert run_here(*here, cwd=tmp_path).returncode == 0  # with the same content
 
 
-def test_a_file_of_another_size_is_not_read(tmp_path: Path) -> None:
-    """Reading a sparse file of 1 TiB for comparison would take all memory."""
-    with (tmp_path / "every_key.yaml").open("wb") as file:
-        file.truncate(1 << 40)
-    done = run_here("import", "carla", EVERY, "-o", ".", cwd=tmp_path)
-    assert (done.returncode, "every_key.yaml exists already" in done.stderr) == (2, True)
-
-
 def test_the_configuration_itself_is_never_overwritten(tmp_path: Path) -> None:
     text = EVERY.read_text()
     (tmp_path / "every_key.yaml").write_text(text)
@@ -160,13 +152,6 @@ def test_other_imports_build_and_pass_verification(name: str, tmp_path: Path) ->
     built = run_here("build", path, "-o", "dataset", cwd=tmp_path)
     assert built.returncode == 0, built.stderr
     assert run_here("verify", "dataset", "--all", cwd=tmp_path).stdout.startswith("PASS")
-
-
-@pytest.mark.slow
-def test_every_configuration_of_the_tests_is_imported_by_the_command(tmp_path: Path) -> None:
-    for name, files in TOGETHER.items():
-        done = run_here("import", "carla", *files, "-o", name, cwd=tmp_path)
-        assert done.returncode == 0, (name, done.stderr)
 
 
 def test_places_of_warnings_are_those_of_the_configuration(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import pty
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel, model_serializer
-from recipe_cli.commands import build, check, diff, export, init, lock, schema, shot
+from recipe_cli.commands import check, export, init, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.library import towns
@@ -56,12 +55,6 @@ def test_an_unwritable_file_is_an_error_of_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_a_dataset_cannot_be_built_where_no_files_are_stored(tmp_path: Path) -> None:
-    (tmp_path / "r.yaml").write_text(json.dumps(small()))
-    with pytest.raises(InputError, match=r"/proc/x: no files can be stored in /proc: .*; choose another folder"):
-        CliRunner().invoke(build.command, [str(tmp_path / "r.yaml"), "--out", "/proc/x"], catch_exceptions=False)
-
-
 @pytest.mark.parametrize("there", [None, "recipe: mine\n"])
 def test_a_full_disk_does_not_change_an_existing_recipe(tmp_path: Path, there: str | None) -> None:
     path = tmp_path / "mine.yaml"
@@ -78,23 +71,6 @@ def test_a_full_disk_does_not_change_an_existing_recipe(tmp_path: Path, there: s
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert [entry.name for entry in tmp_path.iterdir()] == ([] if there is None else ["mine.yaml"])
     assert there is None or path.read_text() == there
-
-
-def test_a_lockfile_on_a_full_disk_is_an_error_with_the_file_and_a_remedy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Regression: the error was `No space left on device`, without a file and a remedy."""
-
-    class Full:
-        def write(self, path: Path, *, replace: bool) -> bool:
-            raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("recipe_runtime.verify.locking.lock", lambda *_, **__: Full())
-    (tmp_path / "r.yaml").write_text(json.dumps(small()))
-    with pytest.raises(
-        RunError, match=r"small\.lock cannot be written: No space left on device; free some space or allow"
-    ):
-        CliRunner().invoke(lock.command, [str(tmp_path / "r.yaml")], catch_exceptions=False)
 
 
 @pytest.mark.parametrize(
@@ -139,13 +115,6 @@ def test_a_missing_target_of_verify_has_a_fitting_remedy(tmp_path: Path) -> None
     ):
         done = run_here("verify", target, cwd=tmp_path)
         assert done.returncode == 2 and remedy in done.stderr
-
-
-def test_a_missing_dataset_of_diff_has_a_fitting_remedy(tmp_path: Path) -> None:
-    """Regression: the remedy for a dataset that is not built yet was `recipe init`."""
-    missing = str(tmp_path / "datasets" / "mine")
-    with pytest.raises(InputError, match="datasets/mine: there is no such dataset folder; `recipe build` makes one"):
-        CliRunner().invoke(diff.command, [missing, missing], catch_exceptions=False)
 
 
 def test_a_map_of_an_unknown_town_names_the_towns(tmp_path: Path) -> None:
@@ -197,16 +166,6 @@ def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
         assert done.exit_code == 0
         assert f"{path}: valid, {recipe['sweep']['repeats']:,} variants\n" in done.stdout
         assert says in done.stderr and "`recipe plan` and `recipe build` need --allow-large" in done.stderr
-
-
-def test_check_warns_of_a_large_estimate_beside_other_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", 1000)
-    path = tmp_path / "large.yaml"
-    axes = {name: {"a": {"weather": {"wetness": 9}}} for name in "vw"}
-    path.write_text(json.dumps(small() | {"deltas": axes}))
-    done = CliRunner().invoke(check.command, [str(path)], catch_exceptions=False)
-    assert done.exit_code == 0 and f"{path}: valid, 1 variant\n" in done.stdout
-    assert "KiB are over 1,000 bytes" in done.stderr and "axes v and w both set weather.wetness" in done.stderr
 
 
 def test_check_as_json_has_warnings_and_the_file_of_every_problem(tmp_path: Path) -> None:

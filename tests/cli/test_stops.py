@@ -118,27 +118,6 @@ def test_an_interrupted_repair_does_not_claim_success(command: Callable[..., Res
 
 
 @pytest.mark.slow
-def test_a_repair_interrupted_after_its_end_gets_the_same_message(
-    command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    from recipe_runtime.cache import pruning
-
-    command(_whole)
-    picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
-    whole = picture.read_bytes()
-    picture.write_bytes(whole[:-1] + b"!")
-
-    def auto_prune(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(pruning, "auto_prune", auto_prune)
-        stopped = command(_whole, "--repair")
-    assert problems(stopped.stderr) == ["interrupted; run it again with --repair to repair the rest"]
-    assert picture.read_bytes() == whole  # the dataset was already in place
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command_line", "stopped"),
     [

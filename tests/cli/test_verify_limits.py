@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from recipe_cli.arguments import opened
 from recipe_cli.commands.verify import command
 from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.main import recipe
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.estimate import estimate
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import read_source, skeleton
 from recipe_runtime.build.pipeline import BuildOptions, build
@@ -52,14 +50,6 @@ def test_a_dataset_of_many_bytes_is_not_read_unless_allowed(
     assert CliRunner().invoke(recipe, [*arguments, str(built), "--allow-large"]).exit_code == 0
 
 
-def test_a_dataset_may_be_named_like_a_pack(built: Path, tmp_path: Path) -> None:
-    """`build -o x.recipe` makes such a folder, and `verify` took it for a pack."""
-    named = tmp_path / "x.recipe"
-    named.symlink_to(built)
-    with opened(named) as place:
-        assert datasets.read(place).plan.digest == PLAN.digest
-
-
 def test_each_name_of_a_file_counts_where_it_is_copied(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     held = datasets.read(built)
     sizes = {path: (held.root / path).lstat() for path in held.files}
@@ -72,31 +62,7 @@ def test_each_name_of_a_file_counts_where_it_is_copied(built: Path, monkeypatch:
         check_bytes(held, copies=1)
 
 
-def test_each_picture_counts_as_often_as_it_is_written(built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression: exports for Armory, which has four layouts, wrote 80 GiB where 20 is the limit."""
-    held = datasets.read(built)
-    once = sum((held.root / path).lstat().st_size for path in held.files)
-    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", once)
-    check_bytes(held, copies=1)
-    with pytest.raises(InputError, match="written up to 4 times, over"):
-        check_bytes(held, copies=4)
-
-
 EXPORT = ("export", "--output", "made", "--format")
-
-
-def test_poses_of_frames_without_a_picture_count_in_an_export_for_kitti(
-    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Regression: 900 pictures of sensors with a `tick` of a million frames became 21 GB of poses for KITTI."""
-    monkeypatch.chdir(tmp_path)
-    held = datasets.read(built)
-    total = sum((held.root / path).lstat().st_size for path in held.files)
-    monkeypatch.setattr("recipe_compiler.estimate.BYTE_LIMIT", total)
-    refused = CliRunner().invoke(recipe, [*EXPORT, "kitti", str(built)])
-    assert isinstance(refused.exception, InputError) and "its files have" in str(refused.exception)
-    refused = CliRunner().invoke(recipe, [*EXPORT, "mots", str(built)])
-    assert isinstance(refused.exception, InputError) and "to render its plan" in str(refused.exception)
 
 
 def test_a_dataset_over_the_limits_is_not_exported_unless_allowed(
@@ -109,14 +75,6 @@ def test_a_dataset_over_the_limits_is_not_exported_unless_allowed(
     assert isinstance(refused.exception, InputError) and "frames are over 1" in str(refused.exception)
     assert not list(tmp_path.iterdir())
     assert CliRunner().invoke(recipe, [*EXPORT, "kitti", str(built), "--allow-large"]).exit_code == 0
-
-
-@pytest.mark.slow
-def test_the_estimate_of_a_long_plan_is_in_hours() -> None:
-    """An attacker's plan: long, with large pictures, and without a frame in the manifest."""
-    (long,) = fakes.dataset_plan(frames=60_000, weathers=1).variants[:1]
-    assert estimate(PLAN).over() == []
-    assert estimate(PLAN.model_copy(update={"variants": (long,)})).over() != []
 
 
 def test_nothing_is_simulated_where_frames_have_no_digest(built: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +11,9 @@ import pytest
 from recipe_compiler import compile as compiler
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.estimate import TooLargeError
-from recipe_compiler.expand import count
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import Element
-from recipe_compiler.library import surfaces, towns
 from recipe_compiler.lowering.caps import CAPS
 from recipe_compiler.lowering.lower import Lowering
-from recipe_compiler.schema.sweep import Sweep
 
 from tests.compiler.kitchen import compiled, small
 from tests.compiler.modelling import picture, png
@@ -108,18 +103,6 @@ def test_variants_share_the_plans_of_equal_towns_and_the_colours_of_equal_actors
     assert len({id(plan.appearance.looks) for plan in plans}) == 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("blocks", [[1, 1], [3, 3], [9, 9], [9, 1]])
-def test_the_size_of_a_town_is_estimated(blocks: list[int]) -> None:
-    number = len(towns.build("downtown", 7, {"blocks": blocks}).plan.elements)
-    assert number == pytest.approx(towns.elements("downtown", {"blocks": blocks}), rel=0.15)
-
-
-def test_a_product_is_counted_without_being_built() -> None:
-    axes = {f"axis{n}": dict.fromkeys(map(str, range(1000)), None) for n in range(40)}
-    assert count(axes, Sweep(repeats=7)) == 7 * 1000**40  # type: ignore[arg-type]  # a stand-in for axes
-
-
 def test_the_length_of_routes_is_bounded() -> None:
     ends = [{"x": 9999 * (-1) ** k, "y": 9999 * (-1) ** k} for k in range(501)]  # 14,142 km
     car = {"blueprint": "vehicle.sedan.a", "route": ends}
@@ -133,22 +116,6 @@ def test_too_many_overlapping_actors_are_refused(number: int, blueprint: str) ->
     pile = {f"a{k}": {"blueprint": blueprint, "start": {"x": -4, "y": 6}} for k in range(number)}
     with pytest.raises(InputError, match="4,950 pairs of actors start on top of each other, and at most 4,000 may"):
         compiled(small(traffic={}, actors=pile))
-
-
-def test_patches_are_looked_up_without_going_through_the_town(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each patch of each variant would otherwise take as long as the town is large."""
-    seen: list[str] = []
-    real = surfaces.element_surfaces
-
-    def noted(element: Element) -> Iterator[surfaces.Surface]:
-        seen.append(element.name)
-        return real(element)
-
-    monkeypatch.setattr(surfaces, "element_surfaces", noted)
-    recipe = small(patches={f"p{n}": TEXTURE for n in range(10)})
-    draw = {"count": 5, "values": {"patches.p0.gloss": {"uniform": [0, 1]}}}
-    elements = len(compiled(recipe | {"sweep": {"draw": draw}}).plan.variants[0].scene.town.elements)
-    assert len(seen) <= elements + 5 * 10
 
 
 def test_variants_are_not_lowered_after_many_problems(monkeypatch: pytest.MonkeyPatch) -> None:

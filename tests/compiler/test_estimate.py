@@ -100,12 +100,6 @@ def test_memory_grows_with_town_actors_and_samples(change: dict[str, Any]) -> No
     assert cost_of(**change).worker_memory - cost_of().worker_memory > 70 << 20
 
 
-def test_memory_does_not_depend_on_frames_except_for_labels() -> None:
-    few, many = cost_of(frames=100), cost_of(frames=2400)
-    assert few.worker_memory == many.worker_memory
-    assert 2300 < many.main_memory - few.main_memory < 2300 * 6 * 4000
-
-
 def test_a_camera_that_may_stop_needs_the_memory_of_a_static_one() -> None:
     """A car at a red light took 1.8 times its estimate: at rest, the samples are kept as for a static camera."""
     assert cost_of({"mount": {"on": "hero1"}}).worker_memory == cost_of().worker_memory

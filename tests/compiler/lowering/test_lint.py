@@ -120,14 +120,6 @@ def test_a_camera_in_a_house_causes_a_warning() -> None:
     assert " at frame 8, which has no interior" in warning.message
 
 
-def test_a_camera_that_sinks_into_the_ground_causes_one_warning() -> None:
-    recipe = small(clock={"fps": 10, "frames": 30})
-    recipe["base"]["sensors"]["street"] |= {"motion": {"linear": {"to": {"z": -2}, "speed": 2}}}
-    recipe["deltas"] = {"weather": {"dry": {}, "wet": {"weather": "WetNoon"}}}
-    (warning,) = compiled(recipe).warnings
-    assert "at frame 8" in warning.message
-
-
 def test_a_start_in_a_closed_yard_causes_a_warning() -> None:
     yard = "actors.lost.start: it is in a yard enclosed by buildings and walls, which the actor cannot leave; "
     (message,) = warned({"lost": at(36, 0)})

@@ -198,9 +198,3 @@ def test_mistakes_are_explained(tmp_path: Path, patch: dict[str, Any], words: li
     text = refused(tmp_path, patch)
     for word in words:
         assert word in text, text
-
-
-@pytest.mark.parametrize("kind", ["image", "frames"])
-def test_a_path_that_no_file_can_have_is_refused(tmp_path: Path, kind: str) -> None:
-    with pytest.raises(InputError, match="a character that no file name can have"):
-        patch_of(tmp_path, {"on": WALL, "texture": {kind: "\ud800"}})

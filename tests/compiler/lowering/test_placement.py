@@ -128,13 +128,6 @@ def traffic_of(**traffic: Any) -> list[ActorPlan]:
     return [actor for actor in only(recipe).scene.actors if actor.name.startswith("traffic.")]
 
 
-@pytest.mark.slow
-def test_an_additional_actor_of_the_traffic_changes_no_other() -> None:
-    few, more = traffic_of(vehicles=8, pedestrians=8), traffic_of(vehicles=9, pedestrians=9, parked=2)
-    by_name = {actor.name: actor for actor in more}
-    assert all(by_name[actor.name] == actor for actor in few)
-
-
 def test_a_density_gives_a_number_by_the_length_of_the_streets() -> None:
     town = towns.build("downtown", 0, {})
     actors = traffic_of(density={"vehicles": 10, "pedestrians": 5})
@@ -184,14 +177,6 @@ def test_an_actor_with_a_start_is_held_through_the_warm_up() -> None:
     assert only(small(traffic={"parked": 1})).scene.clock.warmup == 0.0
 
 
-@pytest.mark.slow
-def test_a_longer_clip_extends_the_routes_of_the_shorter_one() -> None:
-    short, long = (only(small(clock={"fps": 10, "frames": frames})).scene for frames in (10, 2000))
-    for one, other in zip(short.actors, long.actors, strict=True):
-        assert other.route[: len(one.route)] == one.route
-        assert one.model_copy(update={"route": ()}) == other.model_copy(update={"route": ()})
-
-
 @pytest.mark.parametrize(
     ("traffic", "message"),
     [
@@ -212,8 +197,3 @@ def test_a_sensor_on_an_unknown_actor_of_the_traffic_is_refused() -> None:
     recipe["base"]["sensors"]["street"]["mount"] = {"on": "traffic.vehicle.200"}
     with pytest.raises(InputError, match=r"there is no actor \"traffic.vehicle.200\"; the traffic has fewer"):
         only(recipe)
-
-
-def test_the_plaza_has_room_for_thirty_vehicles() -> None:
-    recipe = small(actors={}, town="plaza", traffic={"vehicles": 30})
-    assert len(only(recipe).scene.actors) == 30

@@ -16,11 +16,9 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.estimate import TooLargeError
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.ground.path_planner import CLEARANCE, Planner, TooManyObstaclesError, TooMuchWorkError, Work
+from recipe_compiler.ir.ground.path_planner import CLEARANCE, Planner, TooMuchWorkError, Work
 from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
-from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import walking_routes
 from recipe_compiler.lowering.enclosures import Yards
 from recipe_compiler.lowering.walking_routes import RecipeWork
 
@@ -105,13 +103,6 @@ def test_no_route_leads_into_a_closed_ring() -> None:
     assert planner.shortest_path((-9.0, 0.0), (9.0, 0.0)) is not None
 
 
-def test_the_work_of_all_searches_is_bounded() -> None:
-    planner = Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), work=60)
-    with pytest.raises(TooManyObstaclesError):
-        for _ in range(100):
-            planner.shortest_path((-5.0, 0.0), (5.0, 0.0))
-
-
 def test_the_work_of_a_whole_recipe_is_bounded() -> None:
     total = Work(3000)
     planners = [Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), total=total) for _ in range(100)]
@@ -133,24 +124,6 @@ def test_a_recipe_whose_routes_take_too_long_is_refused_without_allow_large(
     with pytest.raises(TooLargeError, match="planning the routes of its pedestrians takes too long"):
         compile_recipe(path)
     assert compile_recipe(path, allow_large=True).plan
-
-
-def test_errors_name_no_free_place_when_finding_them_takes_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(walking_routes, "_REMEDIES", 40_000)
-    route = [{"x": 14, "y": 14}] * 20
-    with pytest.raises(InputError) as caught:
-        scene(town={"name": "downtown", "blocks": [2, 2]}, actors={"p": walker(-4, 10, route=route)})
-    remedies = [problem.help or "" for problem in caught.value.problems]
-    assert len(remedies) == 20
-    assert "the nearest free point" in remedies[0]
-    assert "a map of the town shows" in remedies[-1]
-
-
-def test_an_obstacle_of_any_size_is_found_and_costs_little_memory() -> None:
-    huge = ObstacleMap([box(0, 0, 30, 40_000, 1.0), box(5, 0, 0, 1, 1)], reach=1.8, cell=2.0)
-    assert [o.depth for o in huge.near(5.0, 0.0)] == [40_000, 1]
-    assert len(huge.across((-9.0, 9.0, 9.0, -9.0), 0.3)) == 1
-    assert huge.at(-900.0, -900.0 * math.tan(math.radians(30))) is not None
 
 
 @cache
@@ -242,9 +215,6 @@ def test_a_goal_that_cannot_be_reached_is_refused() -> None:
     assert "actors.lost.goal: it cannot be reached from x: -4, y: 0; the nearest free point is x: " in message
 
 
-CROWD = {"traffic": {"pedestrians": 60}, "clock": {"fps": 10, "frames": 300}}
-
-
 @cache
 def crowd(name: str = "downtown", count: int = 60, frames: int = 300) -> ScenePlan:
     return scene(
@@ -304,25 +274,3 @@ def test_additional_pedestrians_change_no_other_and_a_longer_clip_extends_routes
         assert long.model_copy(update={"route": (), "pauses": ()}) == short.model_copy(
             update={"route": (), "pauses": ()}
         )
-
-
-def test_a_place_beyond_all_obstacles_is_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search of 40 m around each of 290 such starts took 13 s and half a gigabyte."""
-    yards = Yards(towns.build("plaza", 0, {}))
-    monkeypatch.setattr(Yards, "_blocked", lambda self, cell: pytest.fail(f"searched {cell}"))
-    for x, y in ((5000.0, 0.0), (0.0, -5000.0), (-400.0, 400.0)):
-        assert not yards.around(x, y)
-
-
-def test_the_scenes_of_a_town_share_its_yards(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[int] = []
-
-    class Counted(Yards):
-        def __init__(self, town: Town) -> None:
-            made.append(id(town))
-            super().__init__(town)
-
-    monkeypatch.setattr(walking_routes, "Yards", Counted)
-    recipe = small(town="plaza", actors={"waiting": walker(0, -20.25)}) | {"sweep": {"repeats": 3}}
-    assert len(compiled(recipe).plan.variants) == 3
-    assert len(made) == 1
