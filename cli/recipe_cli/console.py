@@ -81,6 +81,13 @@ def note(text: str) -> None:
     say(f"note: {text}", err=True)
 
 
+def say_table(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows of equal length in columns, of which the last is as wide as its text."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    for row in rows:
+        say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[-1]]))
+
+
 def in_colour(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether to print in colour: by NO_COLOR, FORCE_COLOR, CLICOLOR_FORCE, CLICOLOR=0, else on a terminal."""
     if environment.get("NO_COLOR"):

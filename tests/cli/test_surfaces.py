@@ -10,13 +10,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
-from recipe_cli import diagnostics
-from recipe_cli.commands import surfaces
 from recipe_cli.commands.surfaces import command
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.estimate import Memory
 from recipe_compiler.ir.errors import InputError
-from recipe_runtime.frames.surface_views import estimated_cost
 
 from tests.sources import ROOT
 
@@ -93,27 +89,6 @@ def test_a_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "vehicle.bus.city.body.png").read_text() == "precious"
 
 
-def test_pictures_of_a_large_town_are_estimated_first(tmp_path: Path) -> None:
-    """The town has 1,879 pictures; nothing is listed or written before the estimate."""
-    base = "town: {name: downtown, blocks: [8, 8]}"
-    (tmp_path / "large.yaml").write_text(
-        f"recipe: large\nseed: 1\nbase:\n  clock: {{fps: 10, frames: 1}}\n  {base}\n  sensors:\n    eye:\n"
-        "      mount: {x: 0, y: 0, z: 2}\n      camera: {width: 64, height: 48, fov: 80}\n      capture: [rgb]\n"
-    )
-    with pytest.raises(InputError, match=r"for 1,8\d\d pictures, about 1\d minutes of one core are over 5") as caught:
-        run(str(tmp_path / "large.yaml"), "-o", str(tmp_path / "out"))
-    assert caught.value.problems[0].code == "size-limit" and not (tmp_path / "out").exists()
-    assert (
-        diagnostics.remedy(caught.value.problems[0]) == "give a pattern that selects fewer names, or give --allow-large"
-    )
-
-
-def test_pictures_that_exceed_the_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(surfaces, "memory", lambda workers: Memory(8 << 30, 600 << 20, workers))
-    with pytest.raises(InputError, match=r"for 2 pictures, about 6\d\d MiB of memory are over the 600 MiB"):
-        run(str(POSTER), "wall.1", "-o", str(tmp_path / "out"))
-
-
 @pytest.mark.slow
 def test_flat_surfaces_are_shown_on_a_sheet(tmp_path: Path) -> None:
     """The surface is green, at the centre of its picture."""
@@ -146,12 +121,6 @@ def test_surfaces_of_a_flat_turned_mesh_are_listed_drawn_around_and_painted(tmp_
     assert run(str(path), "sign").stdout.splitlines()[1].split()[:3] == ["prop", "sign", "body"]
     run(str(path), "wall.0", "-o", str(tmp_path / "sheets"))
     assert (tmp_path / "sheets" / "surfaces-1.jpg").exists()
-
-
-def test_triangles_of_props_are_part_of_the_estimate() -> None:
-    scene = compile_recipe(POSTER).plan.variants[0].scene
-    bare, full = (estimated_cost(scene, 100, triangles) for triangles in (0, 4_000_000))
-    assert full.seconds - bare.seconds > 60 and full.memory - bare.memory > 1 << 30
 
 
 @pytest.mark.parametrize(

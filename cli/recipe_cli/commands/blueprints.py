@@ -9,7 +9,7 @@ import click
 from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON, REPLACE, LocalPath, writing
-from recipe_cli.console import print_json, say
+from recipe_cli.console import print_json, say, say_table
 
 if TYPE_CHECKING:
     from recipe_compiler.library.blueprints import Blueprint
@@ -83,9 +83,7 @@ def _print_table(found: tuple[Blueprint, ...]) -> None:
         mount = dashcam_mount(blueprint.shape)
         dashcam = f"x: {mount[0]:g}, z: {mount[2]:g}" if mount else "-"
         rows.append((blueprint.id, kind, size, tag, f"{blueprint.default_speed:g}", dashcam, slots))
-    widths = [max(len(row[n]) for row in rows) for n in range(6)]
-    for row in rows:
-        say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[6]]))
+    say_table(rows)
 
 
 def _draw(found: tuple[Blueprint, ...], folder: Path, replace: bool) -> None:

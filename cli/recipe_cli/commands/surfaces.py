@@ -13,8 +13,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, REPLACE, VARIANT, LocalPath, compile_quietly, writing
-from recipe_cli.console import print_json, say
-from recipe_cli.host_limits import memory
+from recipe_cli.console import print_json, say, say_table
 from recipe_cli.places import used_files
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from recipe_cli.progress import Progress
 
 _PICTURES_PER_SHEET = 48
-_TIME_LIMIT, _MAP_SECONDS = 300.0, 0.3  # of one core: for all pictures; a texture map
 
 
 @dataclass(frozen=True)
@@ -40,12 +38,11 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A scene to draw, its colours, the files and the triangles of its props, and all files of its recipe."""
+    """A scene to draw, its colours, the files of its props, and all files of its recipe."""
 
     plan: ScenePlan
     looks: Looks
     places: Mapping[str, Path] = field(default_factory=dict)
-    triangles: int = 0
     used: Sequence[Path] = ()
 
 
@@ -77,8 +74,6 @@ def command(
     scene, bodies = _found(where, variant, allow_large)
     bodies = [body for body in bodies if fnmatchcase(body.name, pattern)]
     _check_some(where, pattern, bodies)
-    if output is not None and not allow_large:
-        _check_cost(where, scene, bodies)
     if not as_json:
         _print_table(bodies)
     if output is not None:
@@ -97,10 +92,8 @@ def _found(where: str, variant: str | None, allow_large: bool) -> tuple[_Scene |
 
     if Path(where).exists() or Path(where).suffix in completion.SUFFIXES:
         compiled = compile_quietly(Path(where), allow_large=allow_large)
-        plan, sizes = compiled.plan.named(variant), {asset.file.sha256: asset.triangles for asset in compiled.assets}
-        triangles = sum(sizes[prop.mesh.sha256] for prop in plan.scene.props if prop.mesh is not None)
-        used = used_files(Path(where), compiled)
-        scene = _Scene(plan.scene, plan.appearance.looks, compiled.places, triangles, used)
+        plan, used = compiled.plan.named(variant), used_files(Path(where), compiled)
+        scene = _Scene(plan.scene, plan.appearance.looks, compiled.places, used)
         return scene, list(_of_scene(plan.scene))
     if where in towns.NAMES:
         town = towns.build(where, 0, {})
@@ -135,29 +128,6 @@ def _check_some(where: str, pattern: str, bodies: list[_Body]) -> None:
     if not bodies:
         message = f"{where}: no body with a surface matches {pattern!r}"
         raise InputError(message, help="omit the pattern to list all", code=Code.UNKNOWN_NAME)
-
-
-def _check_cost(where: str, scene: _Scene | None, bodies: list[_Body]) -> None:
-    """Raise InputError if the pictures take more time than the limit, or more memory than this host has."""
-    from recipe_compiler.estimate import size
-    from recipe_compiler.ir.errors import Code, InputError
-    from recipe_runtime.frames.surface_views import ViewsCost, estimated_cost
-
-    maps, views = len(_texture_maps(bodies)), len(_static_patches(bodies))
-    cost = estimated_cost(scene.plan, views, scene.triangles) if scene is not None else ViewsCost(0.0, 0)
-    seconds, host = cost.seconds + maps * _MAP_SECONDS, memory(workers=1)
-    reasons = []
-    if seconds > _TIME_LIMIT:
-        reasons.append(f"about {seconds / 60:.0f} minutes of one core are over {_TIME_LIMIT / 60:.0f}")
-    room = min(amount for amount in (host.total, host.process, 1 << 60) if amount is not None)
-    if cost.memory > room:
-        reasons.append(f"about {size(cost.memory)} of memory are over the {size(room)} of this host")
-    if reasons:
-        raise InputError(
-            f"{where}: for {count(maps + views, 'picture')}, {', and '.join(reasons)}",
-            help="give a pattern that selects fewer names" if seconds > _TIME_LIMIT else "use a host with more memory",
-            code=Code.SIZE_LIMIT,
-        )
 
 
 def _row(body: _Body, surface: Surface) -> dict[str, object]:
@@ -201,9 +171,7 @@ def _print_table(bodies: list[_Body]) -> None:
                 place = f"at x {x:.1f}, y {y:.1f}, {turned}"
             ranges = (f"{low:.2f} to {high:.2f}" for low, high in (surface.x, surface.z))
             rows.append((*head, "{:.2f} x {:.2f}".format(*surface.size), *ranges, place))
-    widths = [max(len(row[n]) for row in rows) for n in range(6)]
-    for row in rows:
-        say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[6]]))
+    say_table(rows)
 
 
 def _face(surface: object) -> PatchFace:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,29 +21,6 @@ _FIELD = 75.0  # degrees
 _ROOM = 1.5  # how much more than a surface its view holds
 _LOWER = 20.0  # degrees by which a view of the ground or of a roof is turned down from straight ahead
 _NEAREST, _FARTHEST = 2.5, 40.0  # metres
-
-# Measured with views of 400x300 pixels in towns of 758 and of 4,080 elements.
-_START, _START_ELEMENT = 2.0, 0.0022  # seconds: kernels and shadow maps; meshes, per element of the town
-_VIEW, _VIEW_ELEMENT = 0.22, 0.00005  # seconds a view; per element of the town
-_MEMORY, _MEMORY_ELEMENT = 640 << 20, 125_000  # bytes; per element of the town
-_START_TRIANGLE, _VIEW_TRIANGLE, _MEMORY_TRIANGLE = 7e-6, 1.5e-7, 520  # per triangle of the props' meshes
-
-
-class ViewsCost(NamedTuple):
-    """The estimated cost of views: seconds on one core, and bytes of memory."""
-
-    seconds: float
-    memory: int
-
-
-def estimated_cost(scene: ScenePlan, views: int, triangles: int = 0) -> ViewsCost:
-    """Estimate the cost of so many views of a scene whose props have that many triangles."""
-    if not views:
-        return ViewsCost(0.0, 0)
-    elements = len(scene.town.elements) + len(scene.props)
-    seconds = _START + elements * _START_ELEMENT + triangles * _START_TRIANGLE
-    seconds += views * (_VIEW + elements * _VIEW_ELEMENT + triangles * _VIEW_TRIANGLE)
-    return ViewsCost(seconds, _MEMORY + elements * _MEMORY_ELEMENT + triangles * _MEMORY_TRIANGLE)
 
 
 def surface_views(
