@@ -4,7 +4,7 @@
 every key. Nothing in a configuration is executed, and no file is read.
 """
 
-from recipe_compiler.carla.importing import MAX_FILES, File, Imported, import_configurations
+from recipe_compiler.carla.importing import File, Imported, import_configurations
 from recipe_compiler.carla.report import Default, Outcome, Report, Row
 
-__all__ = ["MAX_FILES", "Default", "File", "Imported", "Outcome", "Report", "Row", "import_configurations"]
+__all__ = ["Default", "File", "Imported", "Outcome", "Report", "Row", "import_configurations"]

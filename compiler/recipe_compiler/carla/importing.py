@@ -16,14 +16,11 @@ from recipe_compiler.carla.report import Default, Node, Report, Row, key_of
 from recipe_compiler.carla.scene import Scene
 from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form, SettingsReader
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
-from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.source import yaml_reader
 from recipe_compiler.source.merge import Merger
 from recipe_compiler.source.yaml_reader import Value
 
-MAX_FILES = 200
-MAX_REPORTED = 100_000  # values in the reports of all configurations together
 _ACTORS = ("spawn_actors", "actors")
 _CONTEXT = {"_target_", "client_params", "simulation_params", "sync_params", "weather_params"}
 _WEATHER_PATHS: tuple[tuple[str, ...], ...] = (("weather",), ("context", "weather_params"), ("weather_params",), ())
@@ -85,7 +82,6 @@ def import_configurations(files: Sequence[File], *, town: str | None = None) -> 
     problems: list[Problem] = []
     lines: dict[str, list[str]] = {}
     sorted_files = _sort(_read(files, problems, lines), problems)
-    problems += _too_many_values(sorted_files)
     made: list[Imported] = []
     for source in sorted_files.configurations if not problems else ():
         one = _Import(source, sorted_files, [each.name for each in made], problems)
@@ -99,31 +95,12 @@ def import_configurations(files: Sequence[File], *, town: str | None = None) -> 
     return tuple(made)
 
 
-def _too_many_values(files: _SortedFiles) -> list[Problem]:
-    """Return a problem if the reports would be too long: shared files are reported with each configuration."""
-    shared = sum(_values(source) for source in (*files.settings, *(source for source, _ in files.weathers)))
-    total = sum(_values(source) + shared for source in files.configurations)
-    if total <= MAX_REPORTED:
-        return []
-    message = f"the configurations have {total:,} values, those of shared files counted with each of them"
-    remedy = f"import fewer files at once: at most {MAX_REPORTED:,} values"
-    return [Problem(message, files.configurations[0].root.place, remedy, Code.INPUT_LIMIT)]
-
-
-def _values(source: _Source) -> int:
-    """The number of values of a file."""
-    return sum(1 for _ in Node.root(source.root).leaves())
-
-
 def _order(problem: Problem) -> tuple[Place, str]:
     return problem.place or Place("", 0, 0), problem.message
 
 
 def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[str]]) -> list[_Source]:
-    if len(files) > MAX_FILES:
-        raise InputError(f"{count(len(files), 'file')}; import at most {MAX_FILES} at once", code=Code.INPUT_LIMIT)
     found: list[_Source] = []
-    values = 0
     for file in files:
         shown = yaml_reader.printable(file.path)
         start = Place(shown, 1, 1)
@@ -144,11 +121,6 @@ def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[
             )
         elif root is not None and not wrong:
             found.append(_Source(file, _in_context(root)))
-            values += _values(found[-1])
-        if values > MAX_REPORTED:
-            message = f"{values:,} values up to here, and {MAX_REPORTED:,} is the limit of all files together"
-            problems.append(Problem(message, start, "import fewer files at once", Code.INPUT_LIMIT))
-            break
     return found
 
 

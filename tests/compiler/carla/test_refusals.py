@@ -160,19 +160,6 @@ def test_long_keys_are_shortened_in_paths() -> None:
     assert sum(len(line) for line in one.report.lines()) < 500_000
 
 
-@pytest.mark.slow
-def test_shared_files_count_with_each_configuration() -> None:
-    shared = File("shared.yaml", f"a: [{'1, ' * 6000}]\n".encode())
-    files = [File(f"c{number}.yaml", (HEAD + CAMERA).encode()) for number in range(20)]
-    with pytest.raises(InputError, match="import fewer files at once"):
-        import_configurations([shared, *files])
-
-
-def test_too_many_files_are_refused() -> None:
-    with pytest.raises(InputError, match="import at most 200 at once"):
-        import_configurations([File("config.yaml", b"")] * 201)
-
-
 def test_control_characters_are_escaped() -> None:
     text = HEAD + CAMERA + '"key\\u001b[31m": "\\u001b[2J"\noutput_dir: "\\u202e"\n'
     (one,) = import_configurations([File("config.yaml", text.encode())])

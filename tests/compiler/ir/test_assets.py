@@ -7,7 +7,6 @@ import os
 import struct
 import subprocess
 import sys
-import tracemalloc
 import zlib
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ import trimesh
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from recipe_compiler.ir.assets import AssetError, MeshData, gltf, image, mesh
+from recipe_compiler.ir.assets import AssetError, MeshData, image, mesh
 
 from tests.compiler import modelling
 from tests.compiler.modelling import FACES, TETRAHEDRON, document, glb, obj, picture, png, stl, stl_text
@@ -126,30 +125,6 @@ def test_materials_give_slots_colours_and_pictures() -> None:
     assert (image(content, "glb", 0) == picture()).all()
 
 
-def test_a_document_is_parsed_once_for_all_of_its_images(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file may have 64 materials, each with an image, and megabytes of JSON."""
-    parsed: list[int] = []
-    real = gltf._parsed
-
-    def noted(text: bytes) -> gltf.JsonObject:
-        parsed.append(len(text))
-        return real(text)
-
-    monkeypatch.setattr(gltf, "_parsed", noted)
-    content = glb()
-    mesh(content, "glb", "y")
-    for _ in range(3):
-        assert (image(bytes(bytearray(content)), "glb", 0) == picture()).all()
-    assert len(parsed) <= 1
-
-
-def test_the_values_of_a_document_are_counted_before_it_is_parsed() -> None:
-    declared, body = document()
-    declared["extras"] = [[]] * (gltf.MAX_VALUES // 2)
-    with pytest.raises(AssetError, match="values, above the limit of 500,000; simplify it"):
-        mesh(glb(declared, body), "glb", "y")
-
-
 def test_text_files_can_contain_binary_data() -> None:
     import base64
     import json
@@ -210,30 +185,19 @@ def _shown_often() -> bytes:
     return glb(declared, body)
 
 
-def _many_chunks() -> bytes:
-    """Return a GLB with 2,000 empty chunks, each of another type."""
-    body = glb()[12:] + b"".join(struct.pack("<II", 0, 1 << 31 | n) for n in range(2000))
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
-
-
 BROKEN: dict[str, tuple[str, bytes, str]] = {
     "a cut STL": ("stl", stl()[:-7], "its header states 4 triangles (284 bytes), but it has 277 bytes"),
     "an STL that boasts": ("stl", stl(declared=2**32 - 1), "4294967295 triangles"),
     "an STL of nothing": ("stl", stl(faces=FACES[:0]), "has no triangle with an area above 0"),
-    "a short STL": ("stl", b"abc", "shorter than a header"),
     "a text STL without end": ("stl", stl_text()[:-60], "is truncated or damaged"),
     "words in an STL": ("stl", stl_text().replace(b"1.0", b"one"), "'one' is not a number"),
     "NaN": ("stl", stl(TETRAHEDRON * np.nan), "is not a finite number"),
-    "infinity": ("obj", obj().replace(b"v 1.0", b"v inf"), "is not a finite number"),
     "far away": ("obj", obj(TETRAHEDRON * 1e9), "lies 1e+09 away"),
     "flat": ("obj", obj(TETRAHEDRON * [1, 0, 0]), "has no triangle with an area above 0"),
     "a face beyond": ("obj", obj() + b"f 1 2 99\n", "line 9: a face names number 99 of 4"),
-    "a face at nought": ("obj", obj() + b"f 0 1 2\n", "line 9: a face names number 0 of 4"),
-    "a face before": ("obj", obj() + b"f -9 1 2\n", "line 9: a face names number -9 of 4"),
     "a face of two": ("obj", obj() + b"f 1 2\n", "line 9: a face has fewer than three corners"),
     "a giant index": ("obj", obj() + b"f 1 2 " + b"9" * 4000 + b"\n", "is not a corner of a face"),
     "a library": ("obj", b"mtllib ../../etc/passwd\n" + obj(), "line 1: `mtllib` names another file"),
-    "a command": ("obj", b"csh rm -rf .\n" + obj(), "line 1: 'csh' is not part of a plain"),
     "an include": ("obj", b"call other.obj\n" + obj(), "line 1: 'call' is not part of a plain"),
     "zero bytes": ("obj", obj() + b"\0", "it holds a zero byte"),
     "underscores": ("obj", obj() + b"v 1_0 0 0\n", "line 9: '1_0' is not a number"),
@@ -244,14 +208,7 @@ BROKEN: dict[str, tuple[str, bytes, str]] = {
     "a signalling NaN": ("glb", glb().replace(struct.pack("<f", 1), b"\1\0\xa0\x7f"), "is not a finite number"),
     "NaN in JSON": ("glb", _glb(nodes=[{"mesh": 0, "scale": [float("nan"), 1, 1]}]), "its content is not JSON"),
     "another file": ("glb", _glb(buffers=[{"uri": "../secret.bin", "byteLength": 9}]), "another file, '../secret.bin'"),
-    "a web address": ("glb", _glb(images=[{"uri": "http://a.invalid/x"}]), "another file, 'http://a.invalid/x'"),
-    "many images": (
-        "glb",
-        _glb(images=[{}] * 100_002, textures=[{"source": 100_001}]),
-        "100001 images exceed the limit of 100000",
-    ),
     "a loop": ("glb", _glb(nodes=[{"mesh": 0, "children": [0]}]), "is its own ancestor"),
-    "two parents": ("glb", _glb(nodes=[{"children": [1, 1]}, {"mesh": 0}]), "is its own ancestor"),
     "a node beyond": ("glb", _glb(nodes=[{"children": [7]}]), "names nodes 7 of 1"),
     "no mesh": ("glb", _glb(nodes=[{}]), "has no triangle with an area above 0"),
     "a skin": ("glb", _glb(nodes=[{"mesh": 0, "skin": 0}]), "has a skin (skeleton)"),
@@ -259,24 +216,18 @@ BROKEN: dict[str, tuple[str, bytes, str]] = {
     "glass": ("glb", _glb(materials=[{"alphaMode": "BLEND"}]), "is transparent"),
     "a giant column": ("glb", _accessors(0, count=2**40 - 1), "vertices exceed the limit"),
     "a column too long": ("glb", _accessors(0, count=40), "is empty or exceeds its data"),
-    "a column elsewhere": ("glb", _accessors(1, byteOffset=2**39), "is empty or exceeds its data"),
-    "a negative count": ("glb", _accessors(0, count=-4), "is invalid; export it again"),
     "a sparse column": ("glb", _accessors(0, sparse={}), "sparse or missing"),
-    "a bare column": ("glb", _glb(accessors=[{"componentType": 5126, "count": 10**6, "type": "VEC3"}] * 3), "missing"),
     "an odd type": ("glb", _accessors(0, componentType=5130), "is damaged: KeyError"),
     "indices beyond": ("glb", _accessors(1, bufferView=2, count=12), "a face names a vertex"),
     "a quaternion of nought": ("glb", _glb(nodes=[{"mesh": 0, "rotation": [0, 0, 0, 0]}]), "has a zero quaternion"),
-    "a list for a map": ("glb", _glb(meshes=[[]]), "meshes 0 is damaged"),
     "many copies": ("glb", _glb(nodes=[{"children": list(range(1, 10_000))}, *[{"mesh": 0}] * 9_999],
                                 meshes=[{"primitives": [{"attributes": {"POSITION": 0}}] * 999}]),
                     "9989001 triangles exceed the limit"),
     "many parts": ("glb", _glb(nodes=[{"children": list(range(1, 10_000))}, *[{"mesh": 0}] * 9_999],
                                meshes=[{"primitives": [{"attributes": {"POSITION": 0}}] * 12}]),
                    "119988 parts exceed the limit"),
-    "many chunks": ("glb", _many_chunks(), "has more than 1,000 chunks"),
     "an image shown often": ("glb", _shown_often(), "are parts of each other; export it with each image once"),
     "a giant polygon": ("obj", obj() + b"f " + b"1 2 3 " * 170_000 + b"\n", "510002 triangles exceed the limit"),
-    "a giant line": ("obj", obj() + b"f " + b"1 2 3 " * 200_000 + b"\n", "line 9 is longer than 1 MiB"),
 }  # fmt: skip
 
 
@@ -290,24 +241,6 @@ def test_broken_or_hostile_mesh_is_refused(name: str) -> None:
                 image(content, kind, part.picture)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 200
-
-
-@pytest.mark.parametrize(
-    ("kind", "content", "most"),
-    [
-        ("obj", b"v 0 0 1\n" * 40_000 + b"vt 0 1\n" * 40_000 + b"vn 0 0 1\n" * 40_000 + b"f 1 1 1\n", 12e6),
-        ("stl", b"solid a\n" + b"vertex 0 0 0\n" * 40_000, 3e6),
-    ],
-)
-def test_lines_of_no_face_take_little_memory(kind: str, content: bytes, most: float) -> None:
-    """Regression: an OBJ of 30 MB took 800 MB, of which the estimate, by the number of triangles, knew nothing."""
-    tracemalloc.start()
-    try:
-        with pytest.raises(AssetError):
-            mesh(content, kind, "y")
-        assert tracemalloc.get_traced_memory()[1] < most
-    finally:
-        tracemalloc.stop()
 
 
 def _header(width: int, height: int, depth: int = 8, colour: int = 2) -> bytes:
@@ -341,20 +274,9 @@ def test_images_of_a_palette_and_of_many_pieces_are_read() -> None:
     assert (image(whole[:at] + pieces + whole[at + 12 + length :], "png") == picture()).all()
 
 
-def _with_empty_blocks() -> bytes:
-    """Return a picture whose data begin with 40,000 blocks without content: each takes time to decode."""
-    packed = zlib.compress(np.pad(picture().reshape(3, -1), ((0, 0), (1, 0))).tobytes())
-    body = modelling.chunk(b"IDAT", packed[:2] + b"\0\0\0\xff\xff" * 40_000 + packed[2:])
-    header = modelling.chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 3, 8, 2, 0, 0, 0))
-    return b"\x89PNG\r\n\x1a\n" + header + body + modelling.chunk(b"IEND", b"")
-
-
 BROKEN_IMAGES = {
     "a JPEG": (b"\xff\xd8\xff\xe0", "is not a PNG image but a JPEG"),
-    "an SVG": (b"<svg/>", "is not a PNG image but text or XML"),
-    "nothing": (b"", "is not a PNG image but something else"),
     "a bomb": (_header(60_000, 60_000), "its header states 60000 x 60000 pixels"),
-    "no pixels": (_header(0, 5), "its header states 0 x 5 pixels"),
     "16 bits": (_header(4, 4, 16), "has 16 bits a channel"),
     "a cut": (png(picture())[:-20], "is truncated"),
     "a flipped bit": (png(picture()).replace(b"IDAT", b"IDAU"), "is truncated or damaged"),
@@ -362,20 +284,12 @@ BROKEN_IMAGES = {
     "two headers": (_header(4, 3) + _header(60_000, 60_000)[8:] + png(picture())[33:], "it has two headers"),
     "see-through": (png(np.full((2, 2, 4), 128, np.uint8)), "is partly transparent"),
     "fewer rows": (_header(4, 400) + png(picture())[33:], "is truncated or damaged"),
-    "tiny chunks": (png(picture(), extra=modelling.chunk(b"tEXt", b"") * 5000), "has chunks of less than 64 bytes"),
-    "empty blocks": (_with_empty_blocks(), "are far more than its pixels need"),
-    "tiny pieces": (png(picture(), extra=modelling.chunk(b"IDAT", b"") * 5000), "has chunks of less than 64 bytes"),
     "no palette": (_indexed(b""), "it has no valid palette"),
-    "half a colour": (_indexed(PALETTE[:-1]), "it has no valid palette"),
     "a colour beyond": (_indexed(PALETTE[:3]), "a pixel has a colour beyond its palette"),
     "two palettes": (_indexed(PALETTE, extra=modelling.chunk(b"PLTE", PALETTE)), "its PLTE chunk is repeated"),
     "a late palette": (
         _indexed(PALETTE, late=modelling.chunk(b"PLTE", PALETTE)),
         "its PLTE chunk is repeated, or after",
-    ),
-    "see-through late": (
-        _indexed(PALETTE, late=modelling.chunk(b"tRNS", b"\0")),
-        "its tRNS chunk is repeated, or after",
     ),
     "see-through indices": (_indexed(PALETTE, extra=modelling.chunk(b"tRNS", b"\0")), "is partly transparent"),
     **{f"see-through {depth}-bit grey": (_see_through_grey(depth), "is partly transparent") for depth in (1, 2, 4, 8)},

@@ -21,10 +21,8 @@ from recipe_compiler.ir.assets.geometry import AssetError
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_PIXELS = 16 << 20
 MAX_SIDE = 8192
-_SLACK = 1 << 16  # bytes of packed pixels besides twice the size of the pixels
 _READ = {b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"}
 _PALETTE = 3  # colour type of images whose pixels are indices of a palette
-_MIN_CHUNK = 64  # bytes, on average, of the chunks beyond the first thousand; each costs time, however small it is
 _OTHER_FORMATS = {b"\xff\xd8\xff": "a JPEG", b"GIF8": "a GIF", b"RIFF": "a WebP", b"BM": "a BMP", b"<": "text or XML"}
 
 Pixels = NDArray[np.uint8]  # [H, W, 3] sRGB
@@ -109,8 +107,6 @@ def _check_length(content: bytes, packed: bytes) -> None:
     for x, across, y, down in passes:
         columns, rows = max(0, -(-(width - x) // across)), max(0, -(-(height - y) // down))
         length += rows * (1 + (columns * depth * _CHANNELS[colour] + 7) // 8) if columns else 0
-    if len(packed) > 2 * length + _SLACK:  # a stream of empty blocks takes time, and yields no pixel
-        raise AssetError(f"is damaged: {len(packed)} bytes of data are far more than its pixels need; save it again")
     try:
         found = len(zlib.decompressobj().decompress(packed, length + 1))
     except zlib.error:
@@ -162,13 +158,10 @@ def _plain(parts: _Parts) -> bytes:
 
 def _chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
     """Yield kind and content of the chunks that `_parts` reads."""
-    at, kind, left = len(SIGNATURE), b"", 1000 + len(content) // _MIN_CHUNK
+    at, kind = len(SIGNATURE), b""
     while kind != b"IEND":
         if at + 12 > len(content):
             raise AssetError("is truncated: its last chunk is missing; save it again")
-        left -= 1
-        if left < 0:
-            raise AssetError(f"has chunks of less than {_MIN_CHUNK} bytes on average; save it again")
         length, kind = struct.unpack_from(">I4s", content, at)
         end = at + 12 + length
         if end > len(content):
