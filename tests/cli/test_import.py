@@ -81,18 +81,6 @@ def test_with_one_broken_configuration_no_file_is_written(tmp_path: Path) -> Non
     assert not (tmp_path / "out").exists()
 
 
-def test_a_full_disk_leaves_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path, body: bytes, *, replace: bool) -> None:
-        if path.suffix == ".txt":
-            raise OSError(28, "No space left on device")
-        path.write_bytes(body)
-
-    monkeypatch.setattr("recipe_runtime.core.outputs.write_output", full)
-    done = run_here("import", "carla", EVERY, "-o", ".", cwd=tmp_path)
-    assert (done.returncode, list(tmp_path.iterdir())) == (1, [])
-    assert "No space left on device" in done.stderr
-
-
 @pytest.mark.parametrize("target", ["missing.yaml", "folder", "pipe"])
 def test_paths_that_are_not_regular_files_are_refused(target: str, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()

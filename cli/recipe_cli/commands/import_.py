@@ -38,6 +38,8 @@ def command(
     settings for all configurations.
     """
     from recipe_compiler import carla
+    from recipe_runtime.core.files import host_errors
+    from recipe_runtime.core.outputs import write_output
 
     _check_town(town)
     folder = output or check_default_folder(Path("recipes"))
@@ -46,7 +48,10 @@ def command(
     _check_free(files, configs, replace=replace)
     for one in made:
         warn(*_compiled(one, folder))
-    _write(folder, files)
+    with host_errors(str(folder), "free some space, or choose another --output"):
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, body in files.items():
+            write_output(path, body, replace=True)
     if as_json:
         print_json({"imports": [{"file": str(folder / f"{one.name}.yaml"), **one.report.document()} for one in made]})
         return
@@ -100,20 +105,14 @@ def _files(one: Imported) -> dict[str, bytes]:
 def _check_free(files: dict[Path, bytes], configs: Sequence[Path], *, replace: bool) -> None:
     """Raise InputError if a file exists with other content and may not be replaced; inputs never may."""
     from recipe_compiler.ir.errors import Code, InputError
+    from recipe_runtime.core.outputs import check_output, holds
 
     for path, body in files.items():
-        if not os.path.lexists(path) or _holds(path, body):
-            continue
-        is_input = any(path.exists() and path.samefile(config) for config in configs)
-        if is_input or not replace or not path.is_file():
-            remedy = "choose another --output" + ("" if is_input else ", or add --replace to overwrite it")
-            what = "is the configuration itself" if is_input else "exists already"
-            raise InputError(f"{path} {what}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
-
-
-def _holds(path: Path, body: bytes) -> bool:
-    """Return whether a file has this content; a file of another size is not read."""
-    return path.is_file() and path.stat().st_size == len(body) and path.read_bytes() == body
+        if path.exists() and any(path.samefile(config) for config in configs):
+            help = "choose another --output"
+            raise InputError(f"{path} is the configuration itself", help=help, code=Code.OUTPUT_IN_THE_WAY)
+        if not os.path.lexists(path) or not holds(path, body):
+            check_output(path, replace=replace)
 
 
 def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:
@@ -144,22 +143,3 @@ def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:
             return [placed(problem) for problem in large.problems]
         except InputError as error:
             raise InputError(placed(problem) for problem in error.problems) from None
-
-
-def _write(folder: Path, files: dict[Path, bytes]) -> None:
-    """Write all files, or none."""
-    from recipe_compiler.ir.errors import RunError
-    from recipe_runtime.core.outputs import write_output
-
-    new = [path for path in files if not os.path.lexists(path)]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for path, body in files.items():
-            write_output(path, body, replace=True)
-    except BaseException as error:
-        for path in new:
-            path.unlink(missing_ok=True)
-        if not isinstance(error, OSError):
-            raise
-        remedy = "free some space, or choose another --output"
-        raise RunError(f"{folder}: cannot be written: {error.strerror or error}", help=remedy) from None

@@ -16,7 +16,6 @@ from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import FilePlan
 from recipe_compiler.ir.plan_bounds import MAX_TEXTURE_PIXELS
-from recipe_compiler.ir.plurals import count
 from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.file_help import nearest_file
 from recipe_compiler.source.merge import Sources, forbidden, stays_below
@@ -28,9 +27,8 @@ ALL_BYTES = 128 << 20
 ALL_TRIANGLES = 2_000_000
 ALL_PIXELS = MAX_TEXTURE_PIXELS
 ALL_PARTS = 100_000  # each part of a mesh costs time, however small it is
-INVALID_FILES = 5  # invalid files that are decoded before the others are left out
-INVALID_BYTES = 32 << 20  # of invalid files, likewise
-MISSING_FILES = 50  # files that cannot be read, likewise
+INVALID_FILES = 20  # invalid files that are reported before the others are left out
+INVALID_BYTES = 32 << 20  # of invalid files, likewise, since decoding them takes time
 _KINDS = {"mesh": ("glb", "gltf", "obj", "stl"), "image": ("png",)}
 _WHY = {
     "mesh": "export it in one of these formats",
@@ -105,22 +103,19 @@ def read(
     """
     found: dict[str, AssetFile] = {}
     problems: list[Problem] = []
-    total = triangles = pixels = parts = 0
-    invalid: list[int] = []  # sizes of invalid files
+    total = triangles = pixels = parts = wasted = 0
     for name, wanted in {**_wanted(root, assets, folder, sources), **(textures or {})}.items():
         asset, path, place, label = wanted.asset, wanted.path, wanted.place, wanted.label
-        wrong = len(problems) if len(problems) >= MISSING_FILES else len(invalid)
-        if wrong >= INVALID_FILES or sum(invalid) > INVALID_BYTES:
-            shown = name if label.startswith("assets.") else show(path)
-            message = f"assets: {count(wrong, 'file')} above cannot be used, and those from {shown} on were not read"
-            problems.append(Problem(message, _first(label, root, place), "correct them first", Code.INVALID_ASSET))
+        if len(problems) >= INVALID_FILES or wasted > INVALID_BYTES:
+            message = f"assets: {len(problems)} files above cannot be used, and the others were not read"
+            problems.append(Problem(message, place, "correct them first", Code.INVALID_ASSET))
             break
         content = b""
         try:
             content = _content(asset, folder, path)
             one = _decoded(name, asset, path, content)
         except (OSError, ValueError) as error:
-            invalid += [len(content)] if content else []
+            wasted += len(content)
             shown, reason = show(asset.mesh if asset.mesh is not None else asset.image), _reason(error, folder / path)
             problems.append(Problem(f"{label}: {shown}: {reason}", place, code=Code.INVALID_ASSET))
             continue
@@ -159,11 +154,6 @@ def _wanted(root: Value, assets: Mapping[str, Asset], folder: Path, sources: Sou
         path = _path(names.get(place.file, ""), asset.mesh or asset.image or "")
         wanted[name] = NamedFile(f"assets.{name}", asset, path, place, root.place_of("assets", name, "sha256"))
     return wanted
-
-
-def _first(label: str, root: Value, place: Place) -> Place:
-    """The place of an asset, or of a texture's path."""
-    return root.place_of("assets", label.partition(".")[2]) if label.startswith("assets.") else place
 
 
 def named(root: Value, folder: Path, sources: Sources) -> set[str]:

@@ -88,11 +88,12 @@ def unused_names(outputs: Callable[[str], Mapping[Path, bytes]]) -> Mapping[Path
     """
     for number in itertools.count(1):
         files = outputs("" if number == 1 else f".{number}")
-        if all(not os.path.lexists(path) or _holds(path, body) for path, body in files.items()):
+        if all(not os.path.lexists(path) or holds(path, body) for path, body in files.items()):
             return files
     raise AssertionError("a count has no end")
 
 
-def _holds(path: Path, body: bytes) -> bool:
+def holds(path: Path, body: bytes) -> bool:
+    """Return whether a path is a file with this content."""
     found = path.lstat()
     return stat.S_ISREG(found.st_mode) and found.st_size == len(body) and path.read_bytes() == body

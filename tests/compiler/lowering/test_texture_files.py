@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.lowering import asset_files
 from recipe_compiler.lowering.patches import texture_files
 
 from tests.compiler.kitchen import small
@@ -27,22 +26,6 @@ def written(folder: Path, kind: str, paths: list[str]) -> Path:
     path = folder / "recipe.yaml"
     path.write_text(json.dumps(recipe))
     return path
-
-
-def test_a_folder_is_listed_once_however_its_path_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A recipe has room for 15,000 spellings of one path, and a folder for 10,000 images."""
-    listed: list[str] = []
-    sequence = texture_files._sequence
-
-    def counted(*arguments: Any) -> tuple[str, ...]:
-        listed.append(arguments[3])
-        return sequence(*arguments)
-
-    monkeypatch.setattr(texture_files, "_sequence", counted)
-    paths = [f"{'./' * n}film{'/.' * m}" for n in range(5) for m in range(5)]
-    plan = compile_recipe(written(tmp_path, "frames", paths)).plan
-    assert listed == ["film"]
-    assert all(len(variant.appearance.patches[0].texture.frames) == 1 for variant in plan.variants)
 
 
 def test_an_image_and_a_folder_of_one_path_are_two_textures(tmp_path: Path) -> None:
@@ -63,11 +46,3 @@ def test_the_images_of_all_folders_are_bounded(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(InputError, match='"film3": with it, the folders have 4 images, over 3') as caught:
         compile_recipe(path)
     assert "film4" not in str(caught.value)
-
-
-@pytest.mark.parametrize(("kind", "most"), [("image", asset_files.MISSING_FILES + 1), ("frames", 20)])
-def test_only_the_first_missing_files_are_sought(tmp_path: Path, kind: str, most: int) -> None:
-    """Each is compared with the names of a whole folder for the hint."""
-    with pytest.raises(InputError) as caught:
-        compile_recipe(written(tmp_path, kind, [f"film/{n}.png" for n in range(1, 200)]))
-    assert len(caught.value.problems) == most
