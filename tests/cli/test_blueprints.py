@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 from PIL import Image
 from recipe_cli.commands.blueprints import command
-from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import CameraPlan
 from recipe_compiler.library.blueprints import LIBRARY, Blueprint, specimen
 from recipe_runtime.frames.portrait import matrices, stance
@@ -113,12 +113,3 @@ def test_pictures_are_the_same_bytes_twice(tmp_path: Path) -> None:
         assert body == (folders[1] / name).read_bytes()
         with Image.open(io.BytesIO(body)) as picture:
             assert len(picture.getcolors(1 << 20)) > 500  # the pictures are not empty
-
-
-def test_pictures_need_a_free_folder(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="there is no folder"):
-        run("vehicle.bus.*", "--pictures", str(tmp_path / "missing" / "folder"))
-    (tmp_path / "taken").write_text("")
-    with pytest.raises((InputError, RunError, SystemExit)):
-        result = CliRunner().invoke(command, ["vehicle.bus.*", "--pictures", str(tmp_path / "taken")])
-        raise result.exception or AssertionError("it wrote over a file")

@@ -76,23 +76,17 @@ def test_a_url_with_one_slash_is_refused(project: Path, monkeypatch: pytest.Monk
     ("arguments", "message", "help"),
     [
         (("shot", "mine.yaml", "--frame", "two"), "invalid value for '--frame': 'two' is not a whole number", "see `"),
-        (("shot", "mine.yaml", "--frame", "-1"), "invalid value for '--frame': -1 is below 0", "see `"),
         (("build", "mine.yaml", "--workers", "0"), "invalid value for '--workers': 0 is not from 1 to 256", "see `"),
         (("verify", "--confidence", "95"), "'--confidence': 95.0 is not from 0.5 to 0.9999", "see `"),
         (("verify", "--bound", "nan"), "invalid value for '--bound': nan is not a number", "see `"),
-        (("verify", "--bound", "x"), "invalid value for '--bound': 'x' is not a number", "see `"),
         (("verify", "--against", "mine.yaml"), "'mine.yaml' is a file, not a folder", "see `"),
         (("pack", "mine.yaml", "-o", "datasets"), "'datasets' is a folder", "see `"),
         (("export", "datasets/town", "a", "-o", "b"), "OUT and --output are both given", "see `"),
         (("verify", "mine.yaml", "--all", "--frames", "3"), "--all checks every frame", "give one of the two"),
         (("shot", "plaza"), "plaza: there is no such file", "add --map to draw the town"),
         (("check", "datasets"), "datasets: is a folder", "name a recipe file"),
-        (("check", ""), "invalid value for 'RECIPES...': it is empty", "give a path, or . for"),
         (("shot", "mine.yaml", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
-        (("build", "mine.yaml", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
         (("import",), "missing argument 'FORMAT'. Choose from: carla", "see `recipe import"),
-        (("import", "a.yaml"), "invalid value for 'FORMAT': 'a.yaml' is not 'carla'", "see `recipe import"),
-        (("surfaces", "plaza", "-o", ""), "'-o' / '--output' / '--out': it is empty", "give a path, or . for"),
     ],
 )
 def test_wrong_usage_is_reported_in_plain_words(

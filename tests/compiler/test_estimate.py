@@ -100,35 +100,10 @@ def test_memory_grows_with_town_actors_and_samples(change: dict[str, Any]) -> No
     assert cost_of(**change).worker_memory - cost_of().worker_memory > 70 << 20
 
 
-def test_a_camera_that_may_stop_needs_the_memory_of_a_static_one() -> None:
-    """A car at a red light took 1.8 times its estimate: at rest, the samples are kept as for a static camera."""
-    assert cost_of({"mount": {"on": "hero1"}}).worker_memory == cost_of().worker_memory
-
-
-@pytest.mark.parametrize(
-    ("mount", "camera", "rate"),
-    [({}, {}, 0.2), ({"pitch": 15}, {}, 0.6), ({"roll": 10}, {}, 0.9), ({}, {"lens_k": 0.3}, 0.6)],
-    ids=["level", "pitched", "rolled", "lens"],
-)
-def test_the_size_of_depth_depends_on_the_tilt_of_the_camera(
-    mount: dict[str, float], camera: dict[str, float], rate: float
-) -> None:
-    """As measured in bytes per pixel: where rows of the ground are not level, depth compresses five times less."""
-    view = {"width": 800, "height": 600, **camera}
-    cost = cost_of({"mount": {"z": 3, **mount}, "camera": view, "capture": ["depth"]}, actors={}, traffic={})
-    assert cost.bytes / cost.frames / 480_000 == pytest.approx(rate, rel=0.6)
-
-
 def test_a_small_file_is_counted_as_a_block_of_the_disk() -> None:
     """Regression: 3,000 frames of a few pixels were estimated at 16 bytes."""
     tiny = {"camera": {"width": 16, "height": 16}, "capture": ["instance"]}
     assert cost_of(tiny, frames=3000, actors={}, traffic={}).bytes >= 3000 * 4096
-
-
-def test_a_tick_longer_than_the_clip_costs_no_more_than_one_as_long() -> None:
-    """The clip was estimated as long as its sensor's tick: two frames as 30 GiB, which was refused."""
-    clock = {"fps": 240, "frames": 2}
-    assert cost_of({"tick": 2 / 240}, clock=clock) == cost_of({"tick": 86_400}, clock=clock)
 
 
 def test_files_of_props_and_patches_are_part_of_the_estimate(tmp_path: Path) -> None:

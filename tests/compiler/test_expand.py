@@ -54,21 +54,6 @@ def test_a_draw_that_replaces_an_earlier_draw_causes_a_warning() -> None:
     assert not result.warnings and len({v.appearance.weather.fog_density for v in result.plan.variants}) == 2
 
 
-@pytest.mark.slow
-def test_conflicts_of_thousands_of_paths_are_found_quickly() -> None:
-    from recipe_compiler.expand import clashes
-    from recipe_compiler.schema.sweep import Sweep
-    from recipe_compiler.source.yaml_reader import parse
-
-    text = "".join(
-        f"a{n}: {{v: {{actors: {{{', '.join(f'x{n}_{m}: {{speed: 1}}' for m in range(300))}}}}}}}\n" for n in range(20)
-    )
-    root, problems = parse(text.encode(), "x.yaml")
-    assert root is not None and not problems
-    axes = {name: dict(values.map) for name, values in root.map.items()}
-    assert clashes(root, axes, Sweep()) == []
-
-
 @pytest.mark.parametrize(
     "sweep",
     [{}, {"repeats": 3}, {"exclude": [{"w": "a", "m": "y"}], "repeats": 2, "draw": {"count": 2, "values": SPEED}}],

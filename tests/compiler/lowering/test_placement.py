@@ -105,14 +105,6 @@ def test_instance_numbers_are_unique_up_to_the_limit() -> None:
         instance_numbers([f"a{n}" for n in range(300)], [])
 
 
-def test_too_many_actors_are_refused_with_a_remedy() -> None:
-    recipe = copy.deepcopy(small())
-    for n in range(300):
-        recipe["base"]["actors"][f"a{n}"] = {"blueprint": "walker.pedestrian.*"}
-    with pytest.raises(InputError, match="use `traffic` for crowds"):
-        compiled(recipe)
-
-
 def test_explicit_looks_are_used_and_do_not_change_the_scene() -> None:
     plain, dressed = small(), small()
     dressed["base"]["actors"]["hero1"]["look"] = {"shirt": "#AA0000"}

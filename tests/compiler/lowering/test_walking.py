@@ -16,7 +16,7 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.estimate import TooLargeError
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.ground.path_planner import CLEARANCE, Planner, TooMuchWorkError, Work
+from recipe_compiler.ir.ground.path_planner import CLEARANCE, Planner
 from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
 from recipe_compiler.lowering.enclosures import Yards
@@ -103,17 +103,6 @@ def test_no_route_leads_into_a_closed_ring() -> None:
     assert planner.shortest_path((-9.0, 0.0), (9.0, 0.0)) is not None
 
 
-def test_the_work_of_a_whole_recipe_is_bounded() -> None:
-    total = Work(3000)
-    planners = [Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), total=total) for _ in range(100)]
-    with pytest.raises(TooMuchWorkError):
-        for planner in planners:
-            planner.shortest_path((-5.0, 0.0), (5.0, 0.0))
-    huge = Planner(ObstacleMap([box(0, 0, 0, 1000.0, 1000.0)]))
-    with pytest.raises(TooMuchWorkError):
-        huge.nearest_free(0.0, 0.0, work=Work(100_000))
-
-
 def test_a_recipe_whose_routes_take_too_long_is_refused_without_allow_large(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -140,11 +129,6 @@ def test_the_nearest_free_place_is_free(name: str) -> None:
         assert free is not None
         assert planner.clear(*free)
         assert not planner.clear(x, y) or math.dist(free, (x, y)) < 0.2
-
-
-def test_a_straight_route_stays_straight() -> None:
-    plan = named(scene(actors={"hero": walker(-4, 5, goal={"x": -4, "y": -5})}))["hero"]
-    assert way(plan) == [(-4.0, 5.0), (-4.0, -5.0)]
 
 
 @pytest.mark.slow
@@ -194,12 +178,6 @@ def test_the_suggested_place_is_not_in_a_closed_yard(label: str) -> None:
     free = _suggested(refused(actors={"lost": lost}))
     assert not yards.around(*free)
     assert named(scene(actors={"lost": walker(-8, -10, goal={"x": free[0], "y": free[1]})}))["lost"].route
-
-
-def test_the_suggested_place_is_in_the_yard_of_the_start() -> None:
-    yards = Yards(towns.build("downtown", 0, {}))
-    free = _suggested(refused(actors={"lost": walker(36, 0, goal={"x": 36, "y": -22})}))
-    assert yards.cell(*free) in yards.around(36, 0)
 
 
 def _suggested(message: str) -> tuple[float, float]:

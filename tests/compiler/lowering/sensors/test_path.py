@@ -92,12 +92,6 @@ def test_an_arc_is_the_circle_that_touches_both_legs() -> None:
     assert path.at(18.0)[:3] == pytest.approx((10.0, 2.0 + 18.0 - 8.0 - math.pi, 0.0), abs=1e-12)
 
 
-def test_an_arc_uses_at_most_half_of_a_leg() -> None:
-    path = Path([(0, 0, 0), (2, 0, 0), (2, 10, 0)], 5.0)
-    assert path.at(1.0)[:3] == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
-    assert path.length == pytest.approx(1.0 + math.pi / 2 + 9.0, abs=1e-12)
-
-
 def test_a_rounded_loop_starts_in_the_middle_of_its_first_arc_and_ends_there() -> None:
     square = [(0.0, 0.0, 3.0), (10.0, 0.0, 3.0), (10.0, 10.0, 3.0), (0.0, 10.0, 3.0)]
     path = Path(square, 2.0, closed=True)
@@ -141,13 +135,6 @@ def test_a_sensor_looks_along_its_route_plus_the_angle_of_its_mount() -> None:
 def test_more_frames_and_other_sensors_change_no_pose_of_a_route_with_a_speed() -> None:
     route = {"points": [{"x": 2.0}, {"y": 12.0}], "speed": 3.0, "loop": True, "radius": 2.0}
     assert travelled(route, 90)[:30] == travelled(route, 30)
-
-
-def test_rotation_and_jitter_are_added_to_a_route() -> None:
-    route, turn = {"points": [{"x": 2.0}], "speed": 3.0}, {"yaw": [-10.0, 10.0], "period": 2.0}
-    whole = poses("drone", sensor(route, rotation=turn, jitter={"z": 0.2}), seed=1, fps=10, frames=20)
-    assert whole[5].yaw == pytest.approx(20.0)
-    assert len({p.z for p in whole}) == 20 and all(abs(p.z - 1.6) <= 0.2 for p in whole)
 
 
 def test_a_route_along_the_road_stays_on_its_lanes_and_a_longer_clip_extends_it() -> None:

@@ -93,12 +93,6 @@ def test_a_longer_clip_extends_all_poses() -> None:
         assert (one.arm, one.interval) == (other.arm, other.interval)
 
 
-def test_for_traffic_near_a_sensor_on_an_arm_its_actors_route_counts() -> None:
-    recipe = rig(**SENSORS)
-    recipe["base"]["traffic"]["near"] = "follower"
-    assert len(only(recipe).scene.actors) == 6
-
-
 @pytest.mark.parametrize(
     ("tick", "fps", "interval"), [(0.0, 30, 1), (0.1, 30, 3), (0.033333, 30, 1), (0.066667, 30, 2), (2.0, 30, 60)]
 )
@@ -135,30 +129,6 @@ def test_a_route_along_a_road_starts_on_one(town: str) -> None:
     vehicle = next(point.pose for point in built(town, 0, "{}").spawn_points if point.category == "vehicle")
     recipe["base"]["sensors"]["drone"]["mount"] = {"x": vehicle.x, "y": vehicle.y, "z": 9, "yaw": vehicle.yaw}
     assert len(only(recipe).rig.sensors[1].poses) == 4
-
-
-@pytest.mark.parametrize(("fps", "frames"), [(12, 2), (240, 2)])
-def test_the_longest_tick_is_one_picture_at_any_rate(fps: int, frames: int) -> None:
-    """Plans refused intervals of more than a million frames, which ended in an internal error."""
-    recipe = rig(drone={**SENSORS["drone"], "tick": 86_400})
-    recipe["base"]["clock"] = {"fps": fps, "frames": frames}
-    sensor = only(recipe).rig.sensors[1]
-    assert (sensor.interval, list(sensor.frames(frames))) == (86_400 * fps, [0])
-
-
-@pytest.mark.parametrize("x", [5.0000001, 5.0000009])
-@pytest.mark.parametrize("loop", [False, True])
-def test_a_route_with_no_leg_of_a_length_is_refused(x: float, loop: bool) -> None:
-    route = {"points": [{"x": x}, {"x": 5}], "loop": loop, "radius": 1}
-    still = {"mount": {"x": 5, "z": 2}, "capture": ["rgb"], "motion": {"route": route}}
-    with pytest.raises(InputError, match="`route` never leaves the mount"):
-        compiled(rig(back=still))
-
-
-def test_a_recipe_has_no_more_sensors_than_a_plan() -> None:
-    still = {"mount": {"z": 2}, "capture": ["depth"], "camera": {"width": 16, "height": 16}}
-    with pytest.raises(InputError, match="1001 items exceed the limit of 1000"):
-        compiled(rig(**{f"s{number}": still for number in range(1000)}))
 
 
 def test_a_value_that_plans_cannot_hold_is_a_mistake_of_the_recipe(monkeypatch: pytest.MonkeyPatch) -> None:
