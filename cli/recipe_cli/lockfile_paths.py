@@ -40,7 +40,7 @@ def read_lockfile(recipe: Path, plan: DatasetPlan) -> tuple[Path, Lockfile] | No
     path = lockfile_path(recipe, plan.recipe)
     if not path.exists():
         return None
-    lock = lockfile.read(path, plan)
+    lock = lockfile.read(path)
     check_lockfile_is_of(recipe, plan, path, lock)
     return path, lock
 

@@ -10,14 +10,12 @@ from click.testing import CliRunner
 from recipe_cli.commands.verify import command
 from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.main import recipe
-from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_compiler.ir.lockfile import read_source, skeleton
+from recipe_compiler.ir.lockfile import read_source
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.verify.verify import Options, verify
 
-from tests.cli.test_commands import RECIPE
 from tests.runtime import fakes
 
 PLAN = fakes.dataset_plan(frames=2, weathers=1)
@@ -84,26 +82,6 @@ def test_nothing_is_simulated_where_frames_have_no_digest(built: Path) -> None:
     lock = replace(held.lock, frames=frames)
     report = verify(held.plan, lock, Options(nonce=1, workers=0), lambda *_: None, dataset=held, engines=engines)
     assert (report.verdict, report.stage, report.bound.checked) == ("FAIL", "lockfile", 0)
-
-
-@pytest.mark.parametrize("kind", ["frame", "variant"])
-def test_a_lockfile_is_read_up_to_a_multiple_of_the_rows_of_its_recipe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
-) -> None:
-    """The limits of its recipe's plan also apply to a lockfile that is verified by name."""
-    monkeypatch.chdir(tmp_path)
-    Path("pyproject.toml").touch()
-    Path("small.yaml").write_text(RECIPE)
-    lock = skeleton(compile_recipe(Path("small.yaml")).plan, "../small.yaml", {}, {}, {})
-    if kind == "frame":
-        lock = replace(lock, frames={("k" * 16, "street", "rgb", n): "0" * 64 for n in range(12_000)})
-    lock.write(Path("lockfiles/small.lock"))
-    if kind == "variant":
-        head, rest = Path("lockfiles/small.lock").read_text().split("identity", 1)
-        many = "".join(f"variant v{n} scene={'0' * 64} rig={'0' * 64} appearance={'0' * 64}\n" for n in range(12_000))
-        Path("lockfiles/small.lock").write_text(f"{head}{many}identity{rest}")
-    with pytest.raises(InputError, match=rf"there are more than 10,\d\d\d {kind} rows|more than 10,000 variant rows"):
-        CliRunner().invoke(command, ["lockfiles/small.lock"], catch_exceptions=False)
 
 
 def test_only_the_head_of_a_lockfile_is_read_for_its_recipe(tmp_path: Path) -> None:

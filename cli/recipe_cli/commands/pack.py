@@ -73,7 +73,7 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
         raise InputError(f"{motion}: there are no traces; `recipe lock --update --with-traces` writes them")
     if not path.exists():
         return {}
-    lock = lockfile.read(path, compiled.plan)
+    lock = lockfile.read(path)
     check_lockfile_is_of(recipe, compiled.plan, path, lock)
     if not lock.sealed or lock.plan != compiled.plan.digest:
         raise InputError(f"{path} differs from what {recipe} compiles to now; run `recipe lock --update` first")

@@ -258,11 +258,11 @@ def _verify(target: Path | str, options: Options, against: Path | str | None) ->
             held = reader.read(stack.enter_context(dataset_at(against, progress)), shown(against))
         if target.suffix == ".lock":
             path, compiled = target, compile_quietly(_recipe_of(target), allow_large=allow_large)
-            lock = lockfile.read(path, compiled.plan)
+            lock = lockfile.read(path)
         else:
             compiled = compile_quietly(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
-            lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
+            lock = held.lock if held is not None and not path.exists() else lockfile.read(path)
             if held is None or lock is not held.lock:
                 check_lockfile_is_of(target, compiled.plan, path, lock)
         held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces, trace_bundle.size_limits(compiled.plan))

@@ -106,7 +106,7 @@ def _lockfile_differences(
     if not path.exists():
         return []
     try:
-        lock = lockfile.read(path, dataset.plan)
+        lock = lockfile.read(path)
     except InputError as error:
         first = str(error).splitlines()[0].replace(f"{recipe.parent}/", f"{place}/")
         return [Difference("lockfile", first)]

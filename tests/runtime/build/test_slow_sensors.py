@@ -113,7 +113,7 @@ def test_the_manifest_and_the_lockfile_use_the_frame_numbers_of_the_clip(
     assert {number for _, sensor, _, number in locked.frames if sensor == "street"} == set(TAKEN)
     assert locked.identity == manifest["identity"]
     locked.write(tmp_path / "tiny.lock")
-    assert lockfile.read(tmp_path / "tiny.lock", SLOW).frames == locked.frames
+    assert lockfile.read(tmp_path / "tiny.lock").frames == locked.frames
 
 
 @pytest.mark.parametrize("intervals", [{"street": 1}, {"street": "5"}, {}, [5], {"street": True}])

@@ -243,14 +243,6 @@ def test_a_pack_with_an_unused_file_is_refused(tmp_path: Path) -> None:
             pass
 
 
-def test_a_lockfile_with_more_rows_than_its_plan_needs_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "x.lock"
-    path.write_text(HEAD + frame_rows(10_500))
-    assert len(lockfile.read(path).frames) == 10_500
-    with pytest.raises(InputError, match=r"there are more than 10,\d{3} frame rows"):
-        lockfile.read(path, PLAN)
-
-
 def _with_many_files(manifest: Any) -> None:
     manifest["files"] |= {f"more/{n}": {"size": 1, "sha256": "0" * 64} for n in range(12_000)}
 

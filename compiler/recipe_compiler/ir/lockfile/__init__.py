@@ -25,7 +25,7 @@ import io
 import itertools
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,7 +34,7 @@ from urllib.parse import quote
 from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.canonical import canonical_bytes, digest_chunks
 from recipe_compiler.ir.errors import Code, InputError
-from recipe_compiler.ir.lockfile.rows import FORMAT, MAX_LINE, MAX_ROWS, RESTORE, RowParser, invalid_line, max_rows_for
+from recipe_compiler.ir.lockfile.rows import FORMAT, MAX_LINE, RESTORE, RowParser, invalid_line
 from recipe_compiler.ir.lockfile.rows import BodyMotion as BodyMotion
 from recipe_compiler.ir.lockfile.rows import FrameKey as FrameKey
 from recipe_compiler.ir.lockfile.rows import VariantRow as VariantRow
@@ -245,18 +245,14 @@ def is_lockfile(path: Path) -> bool:
         return file.read(len(_HEAD)) == _HEAD
 
 
-def read(path: Path, plan: DatasetPlan | None = None) -> Lockfile:
+def read(path: Path) -> Lockfile:
     """Read a lockfile.
-
-    Args:
-        path: the file.
-        plan: the plan that it will be compared with; limits the number of rows to several times that of the plan.
 
     Raises:
         InputError: it is not a valid lockfile; the place is the line.
     """
     with _lines_of(path) as lines:
-        return _parse(lines, str(path), MAX_ROWS if plan is None else max_rows_for(plan))
+        return _parse(lines, str(path))
 
 
 def read_source(path: Path) -> str:
@@ -265,7 +261,7 @@ def read_source(path: Path) -> str:
     Raises:
         InputError: it is not a lockfile, or names no recipe there.
     """
-    parser = RowParser(str(path), MAX_ROWS)
+    parser = RowParser(str(path))
     with _lines_of(path) as lines:
         for number, line in enumerate(itertools.islice(lines, 2), start=1):
             parser.add(number, line.decode().rstrip("\r\n"))
@@ -300,12 +296,12 @@ def loads(text: str, name: str) -> Lockfile:
     return _parse(io.BytesIO(text.encode()), name)
 
 
-def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_ROWS) -> Lockfile:
+def _parse(lines: Iterable[bytes], name: str) -> Lockfile:
     """Parse lines. They are not stored; the lockfile's own text is compared with them by digest.
 
     Lines may all end with CR LF, as git writes them on Windows.
     """
-    parser, seen, ends = RowParser(name, max_rows), hashlib.sha256(), set[bool]()
+    parser, seen, ends = RowParser(name), hashlib.sha256(), set[bool]()
     for number, line in enumerate(lines, start=1):
         ends.add(line.endswith(b"\r\n"))
         seen.update(line[:-2] + b"\n" if line.endswith(b"\r\n") else line)

@@ -7,14 +7,12 @@ line and the form of every cell are checked before anything is stored.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import unquote
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.ir.modalities import DIGEST_KINDS
-from recipe_compiler.ir.plan import DatasetPlan
 
 FORMAT = 1
 MAX_LINE = 1 << 14  # bytes
@@ -70,25 +68,6 @@ class VariantRow:
         return self.scenario_key if modality == "rgb" else self.observation_key
 
 
-def max_rows_for(plan: DatasetPlan) -> dict[str, int]:
-    """The maximal number of rows of each kind in a lockfile that is compared with a plan.
-
-    It is several times the plan's own number, so that a lockfile from before an edit of the recipe is still read.
-    """
-    scenes = {variant.scene.digest: variant.scene for variant in plan.variants}.values()
-    numbers = {
-        "variant": len(plan.variants),
-        "trace": len(scenes),
-        "body": sum(len(scene.actors) for scene in scenes),
-        "frame": sum(
-            len(sensor.frames(variant.scene.clock.frames)) * (len(sensor.capture) + 1)
-            for variant in plan.variants
-            for sensor in variant.rig.sensors
-        ),
-    }
-    return {kind: min(most, 4 * numbers[kind] + 10_000) if kind in numbers else most for kind, most in MAX_ROWS.items()}
-
-
 @dataclass
 class Rows:
     """The parsed rows of a lockfile, as the fields of a `Lockfile`."""
@@ -108,14 +87,9 @@ class Rows:
 class RowParser:
     """Parses the lines of a lockfile, one by one, into `Rows`."""
 
-    def __init__(self, name: str, max_rows: Mapping[str, int]) -> None:
-        """Start at the first line.
-
-        Args:
-            name: the file, for error messages.
-            max_rows: row kind -> how many rows of it are accepted.
-        """
-        self._name, self._max_rows = name, max_rows
+    def __init__(self, name: str) -> None:
+        """Start at the first line of a file with this name."""
+        self._name = name
         self._rows = Rows()
         self._counts = dict.fromkeys(_CELLS, 0)
         self._interned: dict[str, str] = {}  # keys and names occur in many rows
@@ -149,8 +123,8 @@ class RowParser:
             message = f"a {kind} row has {_CELLS[kind]} cells after its kind, this one {len(cells)}"
             raise invalid_line(self._name, number, message, RESTORE)
         self._counts[kind] += 1
-        if self._counts[kind] > self._max_rows[kind]:
-            raise invalid_line(self._name, number, f"there are more than {self._max_rows[kind]:,} {kind} rows")
+        if self._counts[kind] > MAX_ROWS[kind]:
+            raise invalid_line(self._name, number, f"there are more than {MAX_ROWS[kind]:,} {kind} rows")
         try:
             self._row(kind, cells)
         except ValueError as error:
