@@ -289,13 +289,6 @@ def test_lock_reports_a_differing_lockfile_before_rendering(folder: Path, tmp_pa
     assert "differs from what small.yaml compiles to now; --update replaces it" in problems(done.stderr)[0]
 
 
-def test_verify_applies_the_limits_of_an_untrusted_recipe(tmp_path: Path) -> None:
-    (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 100000"))
-    done = run_here("verify", "small.yaml", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "--allow-large" in done.stderr
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_stopped_command_leaves_no_files(tmp_path: Path, number: int, code: int) -> None:
@@ -405,17 +398,6 @@ def _project(folder: Path, root: Path, *names: str) -> Path:
         else:
             shutil.copy(folder / name, root / name)
     return root
-
-
-@pytest.mark.slow
-def test_the_digests_of_plans_in_a_manifest_are_compared(folder: Path, tmp_path: Path) -> None:
-    root = _project(folder, tmp_path, "datasets")
-    path = root / "datasets/small/manifest.json"
-    manifest = json.loads(path.read_text())
-    next(iter(manifest["variants"].values()))["plan"] = "0" * 64
-    path.write_text(json.dumps(manifest))
-    done = run_here("diff", "datasets/small", folder / "datasets/small", cwd=root)
-    assert (done.returncode, "has another plan digest for" in done.stdout) == (1, True)
 
 
 @pytest.mark.slow
@@ -536,24 +518,6 @@ def test_a_pack_replaces_its_recipe(folder: Path, tmp_path: Path) -> None:
     shown = run_here("diff", "small.recipe", folder / "lockfiles" / "small.lock", cwd=tmp_path)
     assert (shown.returncode, shown.stdout) == (0, "nothing differs\n"), shown.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["again.recipe", "datasets", "small.recipe"]
-
-
-def test_lock_refuses_what_is_in_the_way_before_it_writes(folder: Path, tmp_path: Path) -> None:
-    """Regression: the lockfile was written before the traces were refused."""
-    root = _project(folder, tmp_path, "small.yaml")
-    (root / "lockfiles").mkdir()
-    traces, lockfile = root / "lockfiles" / "small.traces", root / "lockfiles" / "small.lock"
-    traces.write_text("mine")
-    assert run_here("lock", "small.yaml", cwd=root).returncode == 2
-    assert traces.read_text() == "mine" and not lockfile.exists()
-    traces.unlink()
-    traces.mkdir()
-    refused = run_here("lock", "small.yaml", "--with-traces", cwd=root)
-    assert (refused.returncode, "small.traces is a folder" in refused.stderr) == (2, True)
-    traces.rmdir()
-    lockfile.symlink_to("none")
-    refused = run_here("lock", "small.yaml", cwd=root)
-    assert (refused.returncode, "not written through links" in refused.stderr) == (2, True)
 
 
 def test_pack_refuses_a_lockfile_or_traces_that_differ(folder: Path, tmp_path: Path) -> None:

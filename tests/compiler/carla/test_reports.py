@@ -63,19 +63,6 @@ def test_a_parameter_with_another_unit_is_mapped(parameter: str) -> None:
         assert (row.outcome.value, bool(row.why)) == (outcome, outcome == "mapped")
 
 
-def test_generators_of_one_class_are_reported_with_their_sum() -> None:
-    """Regression: the first was reported with its own count, which the recipe does not have."""
-    text = f"""
-max_frames: 1
-actors:
-  a: {{_target_: {OSCAR_ACTORS}.ActorsGenerator, _actor_: {OSCAR_ACTORS}.Vehicle, count: 3}}
-  b: {{_target_: {OSCAR_ACTORS}.ActorsGenerator, _actor_: {OSCAR_ACTORS}.Vehicle, count: 5}}
-  c: {{_target_: {OSCAR_ACTORS}.Camera, modalities: [rgb]}}
-"""
-    rows = [row for row in import_text(text).report.rows if row.to == "base.traffic.vehicles"]
-    assert [row.written for row in rows] == ["8"] * 4
-
-
 def test_a_range_of_angles_beyond_a_turn_is_moved_into_it() -> None:
     """Regression: the recipe was invalid, or not, depending on the first value that was drawn."""
     text = f"""

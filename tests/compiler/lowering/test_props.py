@@ -17,7 +17,6 @@ from recipe_compiler.lowering import asset_files
 from tests.compiler.kitchen import small
 from tests.compiler.modelling import TETRAHEDRON, glb, obj, picture, png, stl
 
-GOOD = Path(__file__).parents[2] / "cases/good/assets/recipe.yaml"
 AT = {"x": 1, "y": 2}
 
 
@@ -112,31 +111,6 @@ def test_a_prop_stands_on_the_ground_unless_its_height_is_given(tmp_path: Path) 
     given = only_prop(compiled(tmp_path, {"p": {"asset": "low", "at": {"x": -1, "y": 30, "z": 7}}}, **asset))
     assert given.pose.z == 7.0
     assert (on_road.low, on_road.high) == ((0.0, 0.0, -0.5), (2.0, 2.0, 1.5))
-
-
-def test_the_plan_of_the_good_case_is_as_expected() -> None:
-    plans = compile_recipe(GOOD)
-    found = {v.variant: v for v in plans.plan.variants}
-    shown = found["poster=shown,wedge=there"]
-    assert [prop.name for prop in shown.scene.props] == ["prop.board", "prop.wedge", "prop.part", "prop.skinned"]
-    assert [prop.tag for prop in shown.scene.props] == [20, 4, 20, 20]
-    textures = shown.appearance.textures
-    assert textures["prop.board"]["face"].file.kind == "png" and not textures["prop.board"]["face"].repeat
-    assert (textures["prop.skinned"]["skin"].file.kind, textures["prop.skinned"]["skin"].number) == ("glb", 0)
-    assert shown.appearance.looks["prop.board"] == {"back": "#b8b0a0", "face": "#ffffff"}
-    assert shown.appearance.looks["prop.part"] == {"body": "#aa0000"}
-    assert found["poster=on_mesh,wedge=there"].appearance.textures["prop.skinned"]["skin"].file.kind == "png"
-    assert "prop.board" not in found["poster=green,wedge=there"].appearance.textures
-    assert len(found["poster=shown,wedge=gone"].scene.props) == 3
-    assert (plans.cost.simulations, plans.cost.observations, plans.cost.appearances) == (2, 2, 6)
-    assert list(plans.files) == [
-        "common.yaml",
-        "files/poster.png",
-        "files/skinned.glb",
-        "files/tetrahedron.obj",
-        "files/tetrahedron.stl",
-        "recipe.yaml",
-    ]
 
 
 def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
