@@ -25,7 +25,7 @@ def test_formatted_text_has_the_same_value(value: JsonValue) -> None:
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -0.0, {"a": [1, float("-inf")]}, {1: 2}, {"a": object()}])
 def test_a_value_without_a_canonical_form_is_refused(bad: JsonValue) -> None:
-    with pytest.raises(ValueError, match=r"\$"):
+    with pytest.raises(ValueError, match="no canonical form"):
         canonical_bytes(bad)
 
 
@@ -52,7 +52,7 @@ def test_keys_are_sorted_by_utf_16_and_types_are_distinguished() -> None:
     numbers = [1, 1.0, True, None, 1e21, 1e-7, "\u007f\n\x1f"]
     value: dict[str, list[float | str | None] | float] = {"\U00010000": numbers, "\ue000": 0, "a": 0.0}
     assert canonical_bytes(value) == rfc8785.dumps(value)
-    with pytest.raises(ValueError, match=r"\$\[1\]"):
+    with pytest.raises(ValueError, match=r"-0\.0"):
         canonical_bytes([0.0, -0.0])  # equal to the earlier value in Python, but refused
     with pytest.raises(ValueError):
         canonical_bytes([2**53])
