@@ -186,22 +186,14 @@ _BAR = """
 from recipe_cli.progress import Progress
 with Progress() as progress:
     progress("render", 1, 2)
-    if {interrupt}:
-        raise KeyboardInterrupt
     progress("render", 2, 2)
 """
 
 
 @pytest.mark.parametrize("columns", [50, 160])
 def test_a_bar_fits_the_terminal(columns: int) -> None:
-    lines = on_a_terminal(_BAR.format(interrupt=False), columns).replace("\r", "\n").splitlines()
+    lines = on_a_terminal(_BAR, columns).replace("\r", "\n").splitlines()
     assert max(map(len, lines)) in range(columns - 8, columns + 1)
-
-
-@pytest.mark.slow
-def test_the_line_of_an_interrupted_bar_is_ended() -> None:
-    assert on_a_terminal(_BAR.format(interrupt=True), 80).split("Traceback")[0].count("\n") == 0
-    assert on_a_terminal(_BAR.format(interrupt=False), 80).endswith("\n")
 
 
 def on_a_terminal(program: str, columns: int) -> str:

@@ -16,6 +16,7 @@ from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import FilePlan
 from recipe_compiler.ir.plan_bounds import MAX_TEXTURE_PIXELS
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.file_help import nearest_file
 from recipe_compiler.source.merge import Sources, forbidden, stays_below
@@ -107,7 +108,7 @@ def read(
     for name, wanted in {**_wanted(root, assets, folder, sources), **(textures or {})}.items():
         asset, path, place, label = wanted.asset, wanted.path, wanted.place, wanted.label
         if len(problems) >= INVALID_FILES or wasted > INVALID_BYTES:
-            message = f"assets: {len(problems)} files above cannot be used, and the others were not read"
+            message = f"assets: {count(len(problems), 'file')} above cannot be used, and the others were not read"
             problems.append(Problem(message, place, "correct them first", Code.INVALID_ASSET))
             break
         content = b""

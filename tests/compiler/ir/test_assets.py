@@ -293,19 +293,6 @@ def test_any_bytes_are_read_or_refused(kind: str, content: bytes) -> None:
     _read_or_refused(kind, content)
 
 
-@pytest.mark.slow
-@hostile
-@given(st.sampled_from(["obj", "stl", "glb", "png"]), st.data())
-def test_any_damage_is_read_or_refused(kind: str, data: st.DataObject) -> None:
-    content = bytearray({**VALID, "png": png(picture())}[kind])
-    for _ in range(data.draw(st.integers(1, 4))):
-        at = data.draw(st.integers(0, len(content) - 1))
-        content[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
-        if not content:
-            return
-    _read_or_refused(kind, bytes(content))
-
-
 scalars = st.none() | st.booleans() | st.integers(-(2**63), 2**63) | st.floats() | st.text(max_size=5)
 values = st.recursive(scalars, lambda v: st.lists(v, max_size=3) | st.dictionaries(st.text(max_size=3), v, max_size=3))
 

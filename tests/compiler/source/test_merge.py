@@ -67,14 +67,6 @@ def test_merging_follows_the_rfc(target: Any, patch: Any) -> None:
 
 
 @pytest.mark.slow
-@given(plain, plain)
-def test_applying_a_patch_is_idempotent(target: Any, patch: Any) -> None:
-    merger, over = Merger(), value(patch)
-    once = merger.merge(value(target), over)
-    assert merger.merge(once, over).plain == once.plain
-
-
-@pytest.mark.slow
 @given(st.dictionaries(st.sampled_from("abc"), plain, max_size=3))
 def test_an_empty_patch_gives_the_same_object(target: Any) -> None:
     before = value(target)

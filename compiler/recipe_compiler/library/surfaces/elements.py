@@ -186,16 +186,9 @@ def _placed(rectangle: _Rectangle, body: str, pose: Pose) -> FlatSurface:
 
 def _turned_face(face: PatchFace, pose: Pose) -> PatchFace:
     x, y, z = _turned(face.corner, pose)
-    return PatchFace(  # not a copy, whose numbers would not be rounded
-        part=face.part,
-        corner=(x + pose.x, y + pose.y, z + pose.z),
-        right=_turned(face.right, pose),
-        down=_turned(face.down, pose),
-        width=face.width,
-        height=face.height,
-        region=face.region,
-        reach=face.reach,
-    )
+    turned = {"right": _turned(face.right, pose), "down": _turned(face.down, pose)}
+    # not a copy, whose numbers would not be rounded
+    return PatchFace.model_validate({**dict(face), "corner": (x + pose.x, y + pose.y, z + pose.z), **turned})
 
 
 def _turned(v: Vec, pose: Pose) -> Vec:
