@@ -9,8 +9,7 @@ only actors that affect another actor's plan. Routes of traffic ignore vehicles,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Mapping, Sequence
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import Obstacle
@@ -18,7 +17,7 @@ from recipe_compiler.ir.ground.path_planner import XY, Planner, TooManyObstacles
 from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
 from recipe_compiler.ir.plan_types import MAX_POINTS
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering.enclosures import Cell, Yards
+from recipe_compiler.lowering.enclosures import Yards
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 
@@ -112,10 +111,9 @@ class WalkingRoutes:
     def _lower_named(self, actor: ActorPlan, given: Actor) -> ActorPlan:
         """Check the start and the waypoints of an actor, and plan its route if it walks."""
         waypoints = [given.goal] if given.goal is not None else given.route or ()
+        goals = [self._refuses(actor, (p.x, p.y), _path(given, n)) for n, p in enumerate(waypoints)]
         start = actor.start.x, actor.start.y
-        first = (waypoints[0].x, waypoints[0].y) if waypoints else None
-        goals = [self._refuses(actor, (p.x, p.y), _path(given, n), start) for n, p in enumerate(waypoints)]
-        if (given.start is not None and self._refuses(actor, start, ("start",), first)) or any(goals):
+        if (given.start is not None and self._refuses(actor, start, ("start",))) or any(goals):
             return actor
         planned = actor.category == "pedestrian" and actor.route
         if given.start is not None and not (planned and waypoints):
@@ -124,36 +122,28 @@ class WalkingRoutes:
             return actor
         return self._routed(actor, given) if waypoints else self._walking(actor)
 
-    def _refuses(self, actor: ActorPlan, at: XY, path: Path, other: XY | None) -> bool:
+    def _refuses(self, actor: ActorPlan, at: XY, path: Path) -> bool:
         """Report a start or a waypoint inside something solid: for a vehicle, its middle.
 
         Args:
             actor: the actor.
             at: the start or the waypoint.
             path: where it is in the recipe.
-            other: the first waypoint for a start, the start for a waypoint; the suggested place is in the same yard,
-                or in none.
         """
         solid = self._named.inside(*at) if actor.category == "pedestrian" else self._crowd.inside(*at, 0.0)
         if solid is None:
             return False
         try:
-            free = self._named.nearest_free(*at, self._in_yard_of(other), self._remedies)
+            free = self._named.nearest_free(*at, self._is_open, self._remedies)
         except TooMuchWorkError:
             free = None
         remedy = _MOVE if free is None else _NEAREST.format(*free)
         self._refuse((actor.name, *path), f"it is inside {solid.name}", remedy)
         return True
 
-    def _in_yard_of(self, place: XY | None) -> Callable[[float, float], bool]:
-        """Return whether a position is in the yard of a place; if that is in none, whether the position is in none."""
-        solid = place is None or self._named.inside(*place) is not None
-        own: AbstractSet[Cell] = frozenset() if solid or place is None else self._yards.around(*place)
-
-        def allowed(x: float, y: float) -> bool:
-            return self._yards.cell(x, y) in own if own else not self._yards.around(x, y)
-
-        return allowed
+    def _is_open(self, x: float, y: float) -> bool:
+        """Return whether a position is in no yard."""
+        return not self._yards.around(x, y)
 
     def _warn_of_yard(self, actor: ActorPlan, *, routed: bool) -> None:
         """Warn of a start in a yard, unless a given route stays within it."""
@@ -208,17 +198,17 @@ class WalkingRoutes:
         return actor.model_copy(update={"route": tuple(points), "pauses": tuple(pauses)})
 
     def _nearest_reachable(self, start: XY, goal: XY) -> XY | None:
-        """Return the free place nearest to an enclosed goal, or to a goal outside the yard of the start."""
-        own, other = self._yards.around(*start), self._yards.around(*goal)
+        """Return the free place nearest to a goal that is in a yard; None if the start is in one."""
+        yard = self._yards.around(*goal)
+        if self._yards.around(*start) or not yard:
+            return None
 
-        def allowed(x: float, y: float) -> bool:
+        def is_apart(x: float, y: float) -> bool:
             i, j = self._yards.cell(x, y)
-            if own:
-                return (i, j) in own
-            return not any((i + u, j + v) in other for u in (-1, 0, 1) for v in (-1, 0, 1))
+            return not any((i + u, j + v) in yard for u in (-1, 0, 1) for v in (-1, 0, 1))
 
         try:
-            free = self._named.nearest_free(*goal, allowed, self._remedies) if own or other else None
+            free = self._named.nearest_free(*goal, is_apart, self._remedies)
             return free if free is not None and self._named.shortest_path(start, free) is not None else None
         except (TooManyObstaclesError, TooMuchWorkError):
             return None
