@@ -75,17 +75,6 @@ def _hit(triangles: NDArray[np.float64], eye: NDArray[np.float64], ray: NDArray[
     return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)).any())
 
 
-def test_a_pedestrian_has_no_dashcam() -> None:
-    (row,) = json.loads(run("walker.pedestrian.0001", "--json").stdout)
-    assert row["dashcam"] is None
-
-
-def test_pedestrians_have_colours_of_their_clothes_only() -> None:
-    looks = {row["id"]: row["look"] for row in json.loads(run("walker.*", "--json").stdout)}
-    assert "bag" in looks["walker.pedestrian.0003"] and "bag" not in looks["walker.pedestrian.0001"]
-    assert "hat" in looks["walker.pedestrian.0007"] and "hat" not in looks["walker.pedestrian.0001"]
-
-
 @pytest.mark.parametrize(
     ("pattern", "remedy"),
     [

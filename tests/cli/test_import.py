@@ -97,14 +97,6 @@ def test_the_town_can_be_chosen(tmp_path: Path) -> None:
     assert (done.returncode, "downtown" in done.stderr) == (2, True)
 
 
-def test_a_problem_of_the_recipe_is_shown_at_the_place_of_the_configuration(tmp_path: Path) -> None:
-    text = EVERY.read_text().replace("max_frames: 20", "max_frames: 90000")
-    (tmp_path / "long.yaml").write_text(text)
-    done = run_here("import", "carla", "long.yaml", "-o", "out", cwd=tmp_path)
-    assert done.returncode == 0  # a size over the limits is a warning: `recipe build` requires --allow-large
-    assert "warning[size-limit]" in done.stderr
-
-
 def small(path: Path, folder: Path) -> Path:
     """Copy a configuration with small pictures and two frames."""
     text = path.read_text()

@@ -24,10 +24,7 @@ def mistakes(recipe: dict[str, Any]) -> list[str]:
     [
         {"output": {"annotations": ["kw"]}},
         {"sweep": {"axes": ["wether"]}},
-        {"sweep": {"exclude": [{"weather": "rainy"}]}},
-        {"sweep": {"repeats": 0}},
         {"sed": 1},
-        {"description": 3},
         {"assets": 3},
     ],
     ids=str,

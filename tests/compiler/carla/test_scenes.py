@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from recipe_compiler.carla import File, import_configurations
 from recipe_compiler.carla.catalogue import blueprints as catalogue
-from recipe_compiler.carla.catalogue import towns
-from recipe_compiler.carla.placement import Point, Site
+from recipe_compiler.carla.placement import Site
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_compiler.library import blueprints
@@ -34,15 +33,6 @@ def test_the_weathers_of_the_paper_are_the_variants(tmp_path: Path) -> None:
     assert (rainy.appearance.weather.precipitation, rainy.appearance.sun.altitude) == (60, 15)
     assert (foggy.appearance.weather.fog_density, foggy.appearance.weather.cloudiness) == (100, 0)
     assert first.rig.sensors[0].capture == ("rgb", "depth", "instance")
-
-
-def test_a_camera_may_be_attached_to_one_that_is_listed_later(tmp_path: Path) -> None:
-    """The collector finds parents by their role names, in any order; the import ended in an internal error."""
-    entry = "  - blueprint: {name: sensor.camera.rgb, attr: {role_name: %s}}\n    transform: {location: {x: 1, z: 2}}\n"
-    main, side = entry % "main", entry % "side" + "    attach_to: main\n"
-    first, second = (plan_of(HEAD + text, tmp_path).rig for text in (main + side, side + main))
-    assert {sensor.name for sensor in first.sensors} == {"main", "side"}
-    assert sorted(first.sensors, key=repr) == sorted(second.sensors, key=repr)
 
 
 def test_the_pedestrians_of_the_paper_pass_each_other_in_front_of_the_camera(tmp_path: Path) -> None:
@@ -153,25 +143,6 @@ def test_carlas_blueprints_become_those_of_the_library() -> None:
     again = {catalogue.closest_match("vehicle.audi.*", "vehicle", 5, "a") for _ in range(3)}
     assert len(again) == 1
     assert catalogue.closest_match("vehicle.none", "vehicle", 0, "a") is None
-
-
-def test_every_town_of_carla_has_a_counterpart() -> None:
-    matches = [towns.closest_match(name) for name in ("Town01", "Town03_Opt", "/Game/Carla/Maps/Town04", "Town15")]
-    assert {match and match[0] for match in matches} <= set(NAMES)
-    assert towns.closest_match("Atlantis") is None
-
-
-@pytest.mark.slow
-def test_actors_start_at_free_places() -> None:
-    site = Site("downtown")
-    points = [Point("walker", 100.0 * n, 3.0, goal=(100.0 * n, 30.0)) for n in range(2)]
-    x, y = site.shift([*points, Point("sensor", 4.0, 10.0, 1.6)])
-    first = points[0]
-    assert site.town.obstacles.at(first.x + x, first.y + y, 0.3) is None
-    assert site.free(first.x + x, first.y + y, vehicle=False) == (first.x + x, first.y + y)
-    solid = next(e for e in site.town.plan.elements if e.kind == "building")
-    inside = (solid.pose.x, solid.pose.y)
-    assert site.town.obstacles.at(*site.free(*inside, vehicle=False)) is None
 
 
 def test_a_moving_sensor_passes_through_no_building(tmp_path: Path) -> None:

@@ -99,11 +99,8 @@ def test_an_explicit_angle_overrides_time_and_time_overrides_a_preset() -> None:
     [
         ("ClearNight", "12:00", True),
         ({"preset": "WetNight", "fog_density": 20}, "15:00", True),
-        ("ClearSunset", "12:00", True),
-        ("ClearNight", "23:00", False),
         ("ClearSunset", "19:40", False),
         ("ClearNoon", "19:40", False),  # as in the recipe of `recipe init`
-        ("ClearNoon", "23:00", False),
         ({"preset": "ClearNight", "sun_altitude_angle": -90}, "23:00", True),  # the warning about the angle, alone
     ],
 )

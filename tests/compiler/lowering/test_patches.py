@@ -10,9 +10,9 @@ import pytest
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import GREEN, PatchPlan
-from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan
+from recipe_compiler.ir.plan import ScenarioPlan
 
-from tests.compiler.kitchen import only, small
+from tests.compiler.kitchen import small
 from tests.compiler.modelling import obj, picture, png
 
 SIZE = {"width": 1.0, "height": 0.5}
@@ -55,14 +55,6 @@ def test_a_patch_changes_only_the_appearance(tmp_path: Path) -> None:
     variants = compiled(tmp_path, {"poster": {"on": WALL, "texture": RED}}, deltas).plan.variants
     assert len({v.scene.digest for v in variants}) == len({v.rig.digest for v in variants}) == 1
     assert len({v.appearance.digest for v in variants}) == len({v.appearance.colours for v in variants}) == 7
-
-
-def test_without_patches_no_plan_changes() -> None:
-    """An absent part is omitted from the document, so digests of earlier recipes do not change."""
-    plan = only(small())
-    assert "patches" not in plan.appearance.document() and "patches" not in plan.document()["appearance"]  # type: ignore[operator]
-    again = AppearancePlan.model_validate(plan.appearance.document())
-    assert again.digest == plan.appearance.digest
 
 
 def test_a_plan_with_patches_equals_its_document(tmp_path: Path) -> None:

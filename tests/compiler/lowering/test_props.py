@@ -85,20 +85,6 @@ def test_the_plan_identifies_files_by_content_only(tmp_path: Path) -> None:
     assert one.places[file.sha256] == tmp_path / "skinned.glb"
 
 
-def test_every_asset_is_among_the_files_with_the_digest_of_its_bytes(tmp_path: Path) -> None:
-    plans = compiled(tmp_path, {})
-    for name in ("wedge.obj", "block.stl", "skinned.glb", "poster.png", "recipe.yaml"):
-        assert plans.files[name] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
-
-
-def test_a_changed_byte_is_another_scene(tmp_path: Path) -> None:
-    props = {"thing": {"asset": "wedge", "at": AT}}
-    before = compiled(tmp_path, props).plan.variants[0].scene.digest
-    other = {"wedge": {"mesh": "other.obj", "up": "z"}}
-    (tmp_path / "other.obj").write_bytes(obj() + b"# nothing but a remark\n")
-    assert compiled(tmp_path, props, **other).plan.variants[0].scene.digest != before
-
-
 @pytest.mark.slow
 def test_a_prop_stands_on_the_ground_unless_its_height_is_given(tmp_path: Path) -> None:
     low = stl(TETRAHEDRON - [0, 0, 0.25])

@@ -132,11 +132,6 @@ def test_a_sensor_looks_along_its_route_plus_the_angle_of_its_mount() -> None:
     assert [seen[k].yaw for k in (5, 15, 25)] == [10.0, 100.0, 190.0]
 
 
-def test_more_frames_and_other_sensors_change_no_pose_of_a_route_with_a_speed() -> None:
-    route = {"points": [{"x": 2.0}, {"y": 12.0}], "speed": 3.0, "loop": True, "radius": 2.0}
-    assert travelled(route, 90)[:30] == travelled(route, 30)
-
-
 def test_a_route_along_the_road_stays_on_its_lanes_and_a_longer_clip_extends_it() -> None:
     drone = {
         "mount": {"x": 1.5, "y": -20, "z": 12, "yaw": 90, "pitch": 30},

@@ -70,12 +70,6 @@ def test_jitter_is_keyed_by_seed_and_sensor(name: str, seed: int) -> None:
     assert all(a.x != b.x and a.yaw != b.yaw for a, b in zip(one, two, strict=True))
 
 
-def test_axes_of_jitter_are_independent() -> None:
-    alone = poses("street", sensor(jitter={"yaw": 0.4}), seed=1, fps=30, frames=9)
-    together = poses("street", sensor(jitter=JITTER), seed=1, fps=30, frames=9)
-    assert [p.yaw for p in alone] == [p.yaw for p in together]
-
-
 def test_the_three_motions_add_up() -> None:
     linear, rotation = {"to": {"y": 9.0}, "speed": 1.0}, {"yaw": [-10.0, 10.0], "period": 2.0}
     parts = [

@@ -85,14 +85,6 @@ def test_neither_weather_nor_another_sensor_changes_a_sensor() -> None:
     assert only(rig(**SENSORS)).scene.digest == only(small()).scene.digest
 
 
-def test_a_longer_clip_extends_all_poses() -> None:
-    short, long = rig(**SENSORS), rig(**SENSORS)
-    long["base"]["clock"]["frames"] = 9
-    for one, other in zip(only(short).rig.sensors, only(long).rig.sensors, strict=True):
-        assert other.poses[: len(one.poses)] == one.poses
-        assert (one.arm, one.interval) == (other.arm, other.interval)
-
-
 @pytest.mark.parametrize(
     ("tick", "fps", "interval"), [(0.0, 30, 1), (0.1, 30, 3), (0.033333, 30, 1), (0.066667, 30, 2), (2.0, 30, 60)]
 )
