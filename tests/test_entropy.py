@@ -27,7 +27,6 @@ ALLOWED_ADDRESSES = {
     "recipe_compiler/carla/scene.py": "id() as a key: a named entry of the configuration, kept alive",
     "recipe_compiler/carla/sensors.py": "id() as a key: a grouped entry of the configuration, kept alive",
     "recipe_compiler/checks/check.py": "id() as a key: a checked section, kept alive",
-    "recipe_compiler/checks/findings.py": "id() as a key: a reported problem, kept alive",
     "recipe_compiler/lowering/caps.py": "id() as a key: sections that were counted, kept alive",
     "recipe_compiler/source/merge.py": "id() as a key: merged values, kept alive",
     "recipe_compiler/lowering/lower.py": "id() as a key: a lowered scene or rig, kept alive",

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler.checks.findings import Findings
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, InputError, Problem
 from recipe_compiler.library.blueprints import names
@@ -121,17 +120,6 @@ def test_a_blueprint_is_suggested_only_if_its_name_is_similar(word: str, expecte
 def test_the_text_of_many_errors_ends_with_their_number() -> None:
     lines = str(InputError(Problem(f"wrong {n}") for n in range(MAX_SHOWN + 7))).splitlines()
     assert len(lines) == MAX_SHOWN + 1 and lines[-1] == "and 7 more"
-
-
-def test_an_equal_problem_of_thousands_of_variants_is_stored_once() -> None:
-    from recipe_compiler.expand import Variant
-    from recipe_compiler.ir.errors import Place
-    from recipe_compiler.source.yaml_reader import Value
-
-    base, problem, found = Value({}, Place("f", 1, 1)), Problem("wrong"), Findings()
-    for number in range(3000):
-        found.add([problem] * 100, Variant(f"v{number}", 0, base))
-    assert found.total == 300_000 and found.problems() == [Problem("wrong", help="")]
 
 
 def test_names_of_the_same_family_are_listed_first() -> None:

@@ -37,7 +37,6 @@ class Findings:
         self._variants = 0
         self._last: Variant | None = None
         self._found: dict[tuple[Place | None, str], _Finding] = {}
-        self._known: dict[int, tuple[Problem, _Finding]] = {}  # variants that share a section share its problems
 
     def add(self, problems: Iterable[Problem], variant: Variant | None = None) -> None:
         """Add the problems of a variant, or of the recipe as a whole."""
@@ -45,15 +44,8 @@ class Findings:
             self._variants, self._last = self._variants + 1, variant
         for problem in problems:
             self.total += 1
-            known = self._known.get(id(problem))
-            if known is None:
-                key = (problem.place, re.sub(r"[0-9.]+", "0", problem.message))
-                fresh = _Finding(problem, variant, variant)
-                known = problem, self._found.setdefault(key, fresh)
-                self._known[id(problem)] = known
-                if known[1] is fresh:
-                    continue
-            finding = known[1]
+            key = (problem.place, re.sub(r"[0-9.]+", "0", problem.message))
+            finding = self._found.setdefault(key, _Finding(problem, variant, variant))
             finding.variants += finding.last is not variant
             finding.last = variant
 

@@ -8,28 +8,6 @@ from hypothesis import strategies as st
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.streams import Stream
 
-NAMES = st.lists(st.text(max_size=8), max_size=3)
-
-
-@given(st.integers(0, 2**53 - 1), NAMES)
-def test_equal_keys_give_equal_draws(seed: int, names: list[str]) -> None:
-    a, b = Stream(seed, *names), Stream(seed, *names)
-    assert [a.bits() for _ in range(5)] == [b.bits() for _ in range(5)]
-
-
-@given(st.integers(0, 2**53 - 1), NAMES, NAMES)
-def test_different_names_give_different_draws(seed: int, one: list[str], other: list[str]) -> None:
-    if one != other:
-        assert Stream(seed, *one).bits() != Stream(seed, *other).bits()
-
-
-def test_names_are_separated_in_the_key() -> None:
-    assert Stream(1, "ab", "c").bits() != Stream(1, "a", "bc").bits() != Stream(1, "abc").bits()
-
-
-def test_seed_zero_is_a_seed_like_any_other() -> None:
-    assert Stream(0, "a").bits() == Stream(0, "a").bits() != Stream(1, "a").bits()
-
 
 def test_draws_are_pinned() -> None:
     stream = Stream(30, "hero1", "blueprint")
