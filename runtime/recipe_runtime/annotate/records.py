@@ -34,7 +34,7 @@ class Boxes(TypedDict):
 class LabelRecord(Boxes):
     """One visible object of one frame, as plain JSON. Non-integers have six decimal places."""
 
-    instance: Whole  # class tag * 1000 + number: the identity of the track in every sensor, frame and variant
+    instance: Whole  # class tag * 1000 + number of the actor, in every sensor and frame; for tracks see `ids`
     actor: str  # name in the recipe
     bbox: Box  # x, y, width, height of the visible pixels
     area: Whole  # number of visible pixels
