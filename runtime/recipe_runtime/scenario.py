@@ -42,8 +42,7 @@ from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.modalities import label_array
 
 if TYPE_CHECKING:
-    from recipe_runtime.attacks.inserted_view import InsertedView
-    from recipe_runtime.attacks.patch_view import PatchView
+    from recipe_runtime.attacks.texture_view import TextureView
 
 SCENE_CACHE_SIZE = 2  # renderers in memory, each with the triangles of a town
 MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU
@@ -288,7 +287,7 @@ class Scenario(Sequence[Frame]):
 
     def patch_view(
         self, frame: int, patch: str, sensor: str | None = None, *, size: tuple[int, int] | None = None
-    ) -> PatchView | InsertedView:
+    ) -> TextureView:
         """Return a patch in a frame as a function of its texture, with the exact gradient.
 
         Args:

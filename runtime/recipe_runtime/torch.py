@@ -30,8 +30,7 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.records import LabelRecord
-from recipe_runtime.attacks.inserted_view import InsertedView
-from recipe_runtime.attacks.patch_view import PatchView
+from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import as_array, as_image, differentiable_patch
 from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
@@ -158,7 +157,6 @@ def _target(records: Sequence[LabelRecord]) -> dict[str, torch.Tensor]:
 
 
 Place = tuple[str, int]  # variant, frame
-View = PatchView | InsertedView
 
 
 class SceneView(torch.nn.Module):
@@ -212,7 +210,7 @@ class SceneView(torch.nn.Module):
         for variant in dict.fromkeys(variant for variant, _ in self.frames):
             self._scenarios[variant].modalities(sensor)  # InputError if there is no such sensor
             differentiable_patch(self._scenarios[variant].plan.appearance.patches, patch)
-        self._views: OrderedDict[tuple[Place, tuple[int, int]], View] = OrderedDict()
+        self._views: OrderedDict[tuple[Place, tuple[int, int]], TextureView] = OrderedDict()
         self._targets: dict[Place, dict[str, torch.Tensor]] = {}
 
     def __getstate__(self) -> dict[str, object]:
@@ -262,7 +260,7 @@ class SceneView(torch.nn.Module):
             raise InputError(f"a batch has one picture or more, and not {size}")
         return [self.frames[(step * size + k) % len(self.frames)] for k in range(size)]
 
-    def _view(self, place: Place, size: tuple[int, int]) -> View:
+    def _view(self, place: Place, size: tuple[int, int]) -> TextureView:
         if (place, size) not in self._views:
             scenario = self._scenarios[place[0]]
             view = scenario.patch_view(place[1], self.patch, self.sensor, size=size)
@@ -293,7 +291,7 @@ class _Pictures(torch.autograd.Function):
     """Pictures of a texture in several views; gradients are summed in the order of the views."""
 
     @staticmethod
-    def forward(ctx: Any, texture: torch.Tensor, views: list[View], quantise: bool) -> torch.Tensor:
+    def forward(ctx: Any, texture: torch.Tensor, views: list[TextureView], quantise: bool) -> torch.Tensor:
         given = as_array(views[0].patch, texture).astype(np.float64)
         values = np.clip(given, 0.0, 1.0)
         ctx.views, ctx.values, ctx.texture, ctx.clipped = views, values, texture, values != given

@@ -6,29 +6,30 @@ the texture to about the size at which the picture shows it, and W interpolates 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
-from recipe_runtime.attacks.textures import Texture, Values, as_gradient, as_image, as_values
+from recipe_runtime.attacks.texture_view import TextureView
+from recipe_runtime.attacks.textures import Texture, Values, as_image
 from recipe_runtime.insertion.inserter import InsertedPixels
 from recipe_runtime.insertion.warp import neighbours
 from recipe_runtime.render.retexture.sparse import EntryCount, RowMatrix, SparseProduct, row_matrix
 
 
-class InsertedView:
+class InsertedView(TextureView):
     """A patch of mode `digital` in a frame of a sensor.
 
     Attributes:
-        pixels: Index, row by row, of each of the Q pixels that change with the texture, int64 [Q].
-        picture: The frame with the texture of the recipe, uint8 [H, W, 3].
         products: R and W with their transposes; empty if the frame does not show the patch.
     """
 
     def __init__(self, frame: RetexturedFrame, patch: str, width: int, height: int) -> None:
         self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
         self.picture, found = frame.render({}), frame.inserted_pixels(patch)
-        self.pixels: NDArray[np.int64] = np.zeros(0, np.int64)
+        self.pixels = np.zeros(0, np.int64)
         self.products: list[SparseProduct] = []
         if found is not None:
             self.pixels = found.rows * self.picture.shape[1] + found.columns
@@ -36,56 +37,23 @@ class InsertedView:
 
     @property
     def memory(self) -> int:
-        """About how many bytes of memory the view takes, with its frame."""
+        """As `TextureView.memory`."""
         return self._frame.memory + sum(product.memory for product in self.products) + self.picture.nbytes
 
-    def forward(self, texture: Texture) -> Values:
-        """Return the picture for a texture, uint8 or 0 to 1, float64 [H, W, 3], 0 to 1, not rounded in the patch."""
-        out = self.picture / 255.0
-        values = as_values(self.patch, texture, self.shape).reshape(-1, 3)
-        if self.products:
-            reduction, warp = self.products
-            out.reshape(-1, 3)[self.pixels] = warp.forward(reduction.forward(values))
-        return out
-
-    def backward(self, texture: Texture, gradient: Values) -> Values:
-        """Return the vector-Jacobian product of `forward`.
-
-        Args:
-            texture: The texture at which the derivative is taken, uint8 or 0 to 1, [h, w, 3].
-            gradient: Gradient with respect to the picture, [H, W, 3]; a tensor is [3, H, W].
-
-        Returns:
-            The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
-
-        Raises:
-            InputError: The texture or the gradient does not have the expected shape or type.
-        """
-        as_values(self.patch, texture, self.shape)  # checks it: the derivative is the same at all textures
-        values = as_gradient(self.patch, gradient, self.picture.shape)
+    def linearised(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
+        """As `TextureView.linearised`."""
         if not self.products:
-            return np.zeros(self.shape)
+            return np.zeros((0, 3)), lambda gradient: np.zeros(self.shape)
         reduction, warp = self.products
-        back = reduction.backward(warp.backward(values.reshape(-1, 3)[self.pixels]))
-        return back.reshape(self.shape)
+        values = warp.forward(reduction.forward(texture.reshape(-1, 3)))
+        return values, lambda gradient: reduction.backward(warp.backward(gradient)).reshape(self.shape)
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:
-        """Return the picture for a texture, uint8 [H, W, 3], as `Scenario.render` does.
-
-        Args:
-            texture: uint8, or 0 to 1 (rounded to 8 bits), [h, w, 3]; of any size.
-        """
+        """As `TextureView.render`."""
         return self._frame.render({self.patch: as_image(self.patch, texture)})
 
     def rounded(self, texture: Texture) -> NDArray[np.uint8]:
-        """Return the picture for a texture by the linear map, rounded as a build rounds it.
-
-        Args:
-            texture: uint8, or 0 to 1 (rounded to 8 bits, as in `render`), [h, w, 3].
-
-        Returns:
-            The picture, uint8 [H, W, 3].
-        """
+        """As `TextureView.rounded`."""
         return np.floor(self.forward(as_image(self.patch, texture)) * 255.0 + 0.5).astype(np.uint8)
 
 

@@ -9,7 +9,7 @@ M computes the mip levels. A is sparse: the weights of the texels that the rende
 light of sun, sky and lamps with shadow, coverage and fog; offset is the light that does not depend on the texture.
 Samples of wet ground that reflect a patch are included. The camera tone-maps samples, averages those of a pixel, and
 adds noise: see `camera_curve`. Motion blur, bloom, distortion, chromatic aberration and supersampling come before the
-noise: see `lens_light`.
+noise: see `pixel_light`.
 """
 
 from __future__ import annotations
@@ -23,19 +23,11 @@ from recipe_compiler.ir.patches import PatchPlan
 
 from recipe_runtime.attacks import camera_curve
 from recipe_runtime.attacks.inserted_view import InsertedView
-from recipe_runtime.attacks.lens_light import LensLight
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
-from recipe_runtime.attacks.pixel_light import PixelLight
+from recipe_runtime.attacks.pixel_light import LensLight, PixelLight
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
-from recipe_runtime.attacks.textures import (
-    Texture,
-    Values,
-    as_gradient,
-    as_image,
-    as_image_of_size,
-    as_values,
-    check_size,
-)
+from recipe_runtime.attacks.texture_view import TextureView
+from recipe_runtime.attacks.textures import Texture, Values, as_image, check_shape, check_size
 from recipe_runtime.core.host import check_memory
 from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
@@ -46,12 +38,10 @@ _SAMPLE_BYTES, _TEXEL_BYTES = 150, 16  # of memory, per sample and per texel
 _GRADIENT_BYTES = 450  # of memory, per texel while a gradient is computed
 
 
-class PatchView:
-    """A patch in a frame of a sensor.
+class PatchView(TextureView):
+    """A patch of mode `rendered` in a frame of a sensor.
 
     Attributes:
-        pixels: Index, row by row, of each of the Q pixels that change with the texture, int32 [Q].
-        picture: The frame with the texture of the recipe, uint8 [H, W, 3].
         gain: Of each of the N samples of these pixels, float64 [N, 3].
         offset: Of each sample, float64 [N, 3].
         samples: Index of each of the K samples that the patch covers, int32 [K]: the rows of A.
@@ -76,18 +66,15 @@ class PatchView:
 
     @property
     def memory(self) -> int:
-        """About how many bytes of memory the view takes, with its frame."""
+        """As `TextureView.memory`."""
         texels = self.mips.shape[0] * self.mips.shape[1]
-        products = self.taps.memory + (self._light.memory if isinstance(self._light, LensLight) else 0)
+        products = self.taps.memory + self._light.memory
         own = _SAMPLE_BYTES * len(self.gain) + _TEXEL_BYTES * texels
         return self._frame.memory + products + own + self.picture.nbytes
 
-    def _linearised(self, texture: Texture) -> tuple[Values, Callable[[Values], Values]]:
-        """Return the values of the pixels for a texture, [Q, 3], 0 to 1, and the transpose of their derivative.
-
-        The transpose maps a gradient of the values, [Q, 3], to one of the texture, [h, w, 3].
-        """
-        light, light_slope = linear_light(as_values(self.patch, texture, self.shape))
+    def linearised(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
+        """As `TextureView.linearised`."""
+        light, light_slope = linear_light(texture)
         level, saved = self._light.forward(self._radiance(self.mips.forward(light)))
         noisy, noise_slope = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
         values, curve_slope = camera_curve.encoded(noisy, self.curve.encoded)
@@ -99,48 +86,16 @@ class PatchView:
 
         return values, transposed
 
-    def forward(self, texture: Texture) -> Values:
-        """Return the picture for a texture, float64 [H, W, 3], 0 to 1; its pixels' values are not rounded."""
-        out = self.picture / 255.0
-        out.reshape(-1, 3)[self.pixels] = self._linearised(texture)[0]
-        return out
-
-    def backward(self, texture: Texture, gradient: Values) -> Values:
-        """Return the vector-Jacobian product of `forward`.
-
-        Args:
-            texture: The texture at which the derivative is taken, [h, w, 3].
-            gradient: Gradient with respect to the picture, [H, W, 3]; a tensor is [3, H, W].
-
-        Returns:
-            The gradient of the texture, float64 [h, w, 3]; equal bytes on every machine.
-
-        Raises:
-            InputError: The texture or the gradient does not have the expected shape or type.
-        """
-        values = as_gradient(self.patch, gradient, self.picture.shape)
-        return self._linearised(texture)[1](values.reshape(-1, 3)[self.pixels])
-
     def render(self, texture: Texture) -> NDArray[np.uint8]:
-        """Return the rendered picture for a texture, uint8 [H, W, 3], as `Scenario.render` does.
-
-        Args:
-            texture: uint8, or 0 to 1 (rounded to 8 bits), [h, w, 3]; of any size.
-        """
+        """As `TextureView.render`."""
         image = as_image(self.patch, texture)
         with self._exclusive():
             return self._frame.render({self.patch: image})
 
     def rounded(self, texture: Texture) -> NDArray[np.uint8]:
-        """Return the picture for a texture by the linear map, rounded where the renderer rounds.
-
-        Args:
-            texture: uint8, or 0 to 1 (rounded to 8 bits, as in `render`), [h, w, 3].
-
-        Returns:
-            The picture, uint8 [H, W, 3].
-        """
-        image = as_image_of_size(self.patch, texture, self.shape)
+        """As `TextureView.rounded`."""
+        image = as_image(self.patch, texture)
+        check_shape(self.patch, image.shape, self.shape)
         texels = np.concatenate([level.reshape(-1) for level in mip_levels(image)])
         channels = np.stack([texels & 255, texels >> 8 & 255, texels >> 16 & 255], axis=-1)
         level, _ = self._light.forward(self._radiance(linear_light(channels / 255.0)[0]))
@@ -155,7 +110,7 @@ class PatchView:
         return radiance
 
 
-def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> PatchView | InsertedView:
+def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> TextureView:
     """Return the view of a patch.
 
     Args:

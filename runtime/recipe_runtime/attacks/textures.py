@@ -88,17 +88,6 @@ def as_image(name: str, texture: object) -> NDArray[np.uint8]:
     return image
 
 
-def as_image_of_size(name: str, texture: object, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    """Return a patch's texture as `as_image` does.
-
-    Raises:
-        InputError: It is not an image, has floats outside 0 to 1, or does not have the shape.
-    """
-    image = as_image(name, texture)
-    _check_shape(name, image.shape, shape)
-    return image
-
-
 def as_array(name: str, texture: object) -> NDArray[np.generic]:
     """Return a patch's texture as an array [h, w, 3] of uint8, or of floats, whose range is not checked.
 
@@ -142,7 +131,7 @@ def as_values(name: str, texture: Texture, shape: tuple[int, ...]) -> Values:
         InputError: It is not an image, has floats outside 0 to 1, or does not have the shape.
     """
     given = _within(name, as_array(name, texture))
-    _check_shape(name, given.shape, shape)
+    check_shape(name, given.shape, shape)
     values: Values = given.astype(np.float64)
     return values / 255.0 if given.dtype == np.uint8 else values
 
@@ -202,7 +191,7 @@ def _of_tensor(what: str, tensor: Any) -> NDArray[np.generic]:
     return values
 
 
-def _check_shape(name: str, given: tuple[int, ...], wanted: tuple[int, ...]) -> None:
+def check_shape(name: str, given: tuple[int, ...], wanted: tuple[int, ...]) -> None:
     """Raise InputError if a texture does not have the shape for which a view was made."""
     if given != wanted:
         raise InputError(

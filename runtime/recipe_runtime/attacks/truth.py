@@ -7,7 +7,6 @@ has the corners of its mask's box. Pixel (0, 0) has its top-left corner at (0, 0
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Annotated, TypeAlias, TypedDict
 
@@ -21,8 +20,7 @@ from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.masks import Mask, masks
 from recipe_runtime.core.documents import Meta, Number, Pair, Whole
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.transforms import Array, sensor_transform
+from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.insertion import projection
 
@@ -62,70 +60,60 @@ class FrameTruth(TypedDict):
     patches: list[PatchRecord]
 
 
-class PatchAnnotator:
-    """Computes the ground truth of the patches of one scene.
+def patch_truth(
+    source: SceneSource,
+    appearance: AppearancePlan,
+    sensor: SensorPlan,
+    seen: Observed,
+    frame: int,
+    patch_map: NDArray[np.uint8] | None = None,
+) -> FrameTruth:
+    """Return the ground truth of an appearance's patches in a frame.
 
     Args:
-        scene: The plan of the scene.
-        trace: The motion of the scene.
+        source: The scene.
+        appearance: The appearance.
+        sensor: The sensor.
+        seen: The sensor's observation of the frame, by `source`.
+        frame: Number of the frame.
+        patch_map: 1 + the number of the patch that each pixel shows, uint8 [H, W]; found from `seen` by default.
     """
+    shown = source.patch_map(seen, appearance, frame) if patch_map is None else patch_map
+    camera, pose = sensor.camera, sensor_transform(sensor, source.trace, frame)
+    view = projection.view_from_world(pose)
+    found = {mask.instance: mask for mask in masks(shown.astype(np.uint16))}
+    records: list[PatchRecord] = []
+    for number, patch in enumerate(appearance.patches, start=1):
+        mask = found.get(number)
+        depths = seen.depth[shown == number]
+        if patch.whole:
+            corners, matrix, amodal = _box_corners(mask), None, _amodal(source.scene, patch, seen, mask)
+        else:
+            there = projection.view_from_part(patch, source.trace, frame, view)
+            homography = projection.homography(patch.faces[0], camera, there)
+            corners, matrix = _corners(homography, camera), _rows(homography)
+            amodal = _amodal_area(patch.faces[0], camera, there.tobytes())
+        records.append(_record(patch, camera, frame, mask, depths, amodal, corners, matrix))
+    return {
+        "frame": frame,
+        "width": camera.width,
+        "height": camera.height,
+        "calibration": calibration(camera, pose),
+        "patches": records,
+    }
 
-    def __init__(self, scene: ScenePlan, trace: Trace) -> None:
-        self._trace = trace
-        self._instances = {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}
 
-    def truth(
-        self,
-        patches: Sequence[PatchPlan],
-        seen: Observed,
-        patch_map: NDArray[np.uint8],
-        camera: CameraPlan,
-        world_from_sensor: Array,
-        frame: int,
-    ) -> FrameTruth:
-        """Return the ground truth of all patches of a frame.
+def _amodal(scene: ScenePlan, patch: PatchPlan, seen: Observed, mask: Mask | None) -> int | None:
+    """Return the amodal area of a patch that covers an entire body, in pixels; None for a prop.
 
-        Args:
-            patches: The patches of the appearance.
-            seen: The observation of the frame.
-            patch_map: 1 + the number of the patch that each pixel shows, uint8 [H, W]; 0 for none.
-            camera: The camera that observed it.
-            world_from_sensor: Pose of the sensor, [3, 4], x forward, y left, z up, metres.
-            frame: Number of the frame.
-        """
-        view = projection.view_from_world(world_from_sensor)
-        found = {mask.instance: mask for mask in masks(patch_map.astype(np.uint16))}
-        records: list[PatchRecord] = []
-        for number, patch in enumerate(patches, start=1):
-            mask = found.get(number)
-            depths = seen.depth[patch_map == number]
-            if patch.whole:
-                corners, matrix, amodal = _box_corners(mask), None, self._amodal(patch, seen, mask)
-            else:
-                there = projection.view_from_part(patch, self._trace, frame, view)
-                homography = projection.homography(patch.faces[0], camera, there)
-                corners, matrix = _corners(homography, camera), _rows(homography)
-                amodal = _amodal_area(patch.faces[0], camera, there.tobytes())
-            records.append(_record(patch, camera, frame, mask, depths, amodal, corners, matrix))
-        return {
-            "frame": frame,
-            "width": camera.width,
-            "height": camera.height,
-            "calibration": calibration(camera, world_from_sensor),
-            "patches": records,
-        }
-
-    def _amodal(self, patch: PatchPlan, seen: Observed, mask: Mask | None) -> int | None:
-        """Return the amodal area of a patch that covers an entire body, in pixels; None for a prop.
-
-        It is the body's amodal area times the patch's share of the body's visible pixels.
-        """
-        instance = self._instances.get(patch.body)
-        if instance is None:
-            return None
-        visible = int((seen.instance == instance).sum())
-        whole = next((view.amodal for view in seen.objects if view.instance == instance), 0)
-        return 0 if mask is None or visible == 0 else int(mask.area * whole / visible + 0.5)
+    It is the body's amodal area times the patch's share of the body's visible pixels.
+    """
+    instance = next((a.tag * 1000 + a.instance for a in scene.actors if a.name == patch.body), None)
+    if instance is None:
+        return None
+    visible = int((seen.instance == instance).sum())
+    whole = next((view.amodal for view in seen.objects if view.instance == instance), 0)
+    return 0 if mask is None or visible == 0 else int(mask.area * whole / visible + 0.5)
 
 
 @lru_cache(_AREAS)
@@ -200,27 +188,3 @@ def _pixels(corners: Corners, camera: CameraPlan) -> list[list[int]]:
 def _mean_depth(depths: NDArray[np.float32]) -> float:
     whole = np.rint(depths.astype(np.float64) * _GRID).astype(np.int64)
     return fixed(int(whole.sum()) / (_GRID * len(whole)))
-
-
-def patch_truth(
-    source: SceneSource,
-    appearance: AppearancePlan,
-    sensor: SensorPlan,
-    seen: Observed,
-    frame: int,
-    patch_map: NDArray[np.uint8] | None = None,
-) -> FrameTruth:
-    """Return the ground truth of an appearance's patches in a frame.
-
-    Args:
-        source: The scene.
-        appearance: The appearance.
-        sensor: The sensor.
-        seen: The sensor's observation of the frame, by `source`.
-        frame: Number of the frame.
-        patch_map: That of the frame, if it is known; it is found from `seen` else.
-    """
-    shown = source.patch_map(seen, appearance, frame) if patch_map is None else patch_map
-    pose = sensor_transform(sensor, source.trace, frame)
-    annotator = PatchAnnotator(source.scene, source.trace)
-    return annotator.truth(appearance.patches, seen, shown, sensor.camera, pose, frame)
