@@ -8,7 +8,7 @@ from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting import passes, temporal_kernels
+from recipe_runtime.render.lighting import reflection_reuse_kernels, temporal_kernels
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, contact_occlusion
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.shadows import shadow_kernels
@@ -35,16 +35,10 @@ class TiledSamples:
         air = set_fields(Air(), leaf_step=now)
         before = set_fields(temporal_kernels.PreviousFrame(), leaf_step=then, sky=sky, tiles=tiles)
         count, listed = (wp.zeros(n, dtype=wp.int32, device="cpu") for n in (1, self.known.size))
-        passes.collect_dirty(
-            self.firsts,
-            struct_array([air], "cpu"),
-            struct_array([before], "cpu"),
-            self.known,
-            self.quiet,
-            count,
-            listed,
-            "cpu",
-        )
+        out = {"out_quiet": self.quiet, "out_count": count, "out_samples": listed}
+        inputs = {"firsts": self.firsts, "reuse_class": self.known}
+        records = {"air": struct_array([air], "cpu"), "previous": struct_array([before], "cpu")}
+        launch(temporal_kernels.collect_dirty, self.tiles, "cpu", **inputs, **records, **out)
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
 
@@ -130,7 +124,8 @@ class Puddle:
         self.data.pixels = wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device="cpu")
         mirror: DeviceArray = wp.array([[g, 0.9] for g in mirrors], dtype=wp.vec2f, device="cpu")
         found, listed = self._list(count)
-        passes.collect_reflective(struct_array([self.data], "cpu"), mirror, count, found, listed, "cpu")
+        inputs, out = {"samples": struct_array([self.data], "cpu")}, {"out_count": found, "out_samples": listed}
+        launch(reflection_reuse_kernels.collect_reflective, count, "cpu", mirror=mirror, **inputs, **out)
         self.mirrors = wp.clone(listed[: int(found.numpy()[0])])
         pairs = np.stack([sources, others or [-1] * count], axis=-1).astype(np.int32)
         self.sources: DeviceArray = wp.array(pairs, dtype=wp.vec2i, device="cpu")
@@ -147,7 +142,12 @@ class Puddle:
         before = struct_array([set_fields(temporal_kernels.PreviousFrame(), stale=marks)], "cpu")
         samples, air = struct_array([self.data], "cpu"), struct_array([set_fields(Air(), ring_step=now)], "cpu")
         count, listed = self._list(self.sources.size)
-        passes.stale_reflections(samples, air, before, self.mirrors, then, self.sources, count, listed, "cpu")
+        inputs = {"samples": samples, "air": air, "previous": before, "reflective": self.mirrors}
+        earlier, out = (
+            {"previous_ring_step": then, "sources": self.sources},
+            {"out_count": count, "out_samples": listed},
+        )
+        launch(reflection_reuse_kernels.stale_reflections, self.mirrors.size, "cpu", **inputs, **earlier, **out)
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
 

@@ -2,17 +2,17 @@
 
 `starts` and `groups` int32 [H * W] are each pixel's first sample and, in the low bits, its number of samples;
 `weights` float32 is each sample's share of its pixel; `cover` int32 [H * W] is the output of `draw_rain`, or has one
-element if it does not rain; `response` is the struct `Response`, in `develop_pixels` a one-element array of it.
+element if it does not rain; `response` is a one-element array of the struct `Response`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.camera import develop_kernels, rain_kernels
-from recipe_runtime.render.camera.develop_kernels import Response
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
@@ -30,6 +30,11 @@ class Exposed:
     weights: DeviceArray
     cover: DeviceArray
     streak: wp.vec3f  # radiance of a streak
+
+    def arguments(self) -> dict[str, Any]:
+        """Return them under the names that kernels give them."""
+        names = "radiance", "starts", "groups", "weights", "streak"
+        return {name: getattr(self, name) for name in names} | {"rain_cover": self.cover}
 
 
 @dataclass(frozen=True)
@@ -82,12 +87,7 @@ def develop_pixels(
         develop_kernels.develop_pixels,
         camera.width * camera.height // span,
         device,
-        radiance=exposed.radiance,
-        starts=exposed.starts,
-        groups=exposed.groups,
-        weights=exposed.weights,
-        rain_cover=exposed.cover,
-        streak=exposed.streak,
+        **exposed.arguments(),
         responses=response,
         kept_samples=kept,
         out_stale=pixels.stale,
@@ -97,33 +97,4 @@ def develop_pixels(
         deviates=tables.deviates,
         pixels_per_thread=span,
         out_rgb=out_rgb,
-    )
-
-
-def expose_samples(exposed: Exposed, response: Response, out_hdr_image: DeviceArray, device: str) -> None:
-    """Write each pixel's light, exposed and balanced, vec3f [H * W]."""
-    launch(
-        develop_kernels.expose_samples,
-        out_hdr_image.size,
-        device,
-        radiance=exposed.radiance,
-        starts=exposed.starts,
-        groups=exposed.groups,
-        weights=exposed.weights,
-        rain_cover=exposed.cover,
-        streak=exposed.streak,
-        response=response,
-        out_hdr_image=out_hdr_image,
-    )
-
-
-def vignette_gains(response: DeviceArray, lens_circle: DeviceArray, out_gains: DeviceArray, device: str) -> None:
-    """Write the gain of the vignette at each pixel; `response` is a one-element array."""
-    launch(
-        develop_kernels.vignette_gains,
-        out_gains.size,
-        device,
-        responses=response,
-        lens_circle=lens_circle,
-        out_gains=out_gains,
     )

@@ -13,8 +13,8 @@ from weakref import WeakKeyDictionary
 from recipe_compiler.ir import optics
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse
 
-from recipe_runtime.render.camera import bloom, motion_blur, passes
-from recipe_runtime.render.camera.develop_kernels import Response
+from recipe_runtime.render.camera import bloom, motion_blur
+from recipe_runtime.render.camera.develop_kernels import Response, expose_samples
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame, ScreenMotion
 from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.post_process_kernels import LensEffects, finish_pixels
@@ -48,7 +48,7 @@ class PostProcess:
     def hdr_image(self, exposed: Exposed, undistorted: Observation, r: Response) -> DeviceArray:
         """Return the HDR image, vec3f, row by row, of the light of samples; `r` has the exposure."""
         light = wp.empty(undistorted.camera.width * undistorted.camera.height, dtype=wp.vec3f, device=self._device)
-        passes.expose_samples(exposed, r, light, self._device)
+        launch(expose_samples, light.size, self._device, **exposed.arguments(), response=r, out_hdr_image=light)
         return light
 
     def finish(

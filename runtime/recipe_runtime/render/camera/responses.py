@@ -6,10 +6,11 @@ from typing import Any
 
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse
 
-from recipe_runtime.render.camera import exposure, passes
-from recipe_runtime.render.camera.develop_kernels import LEVELS, Response
+from recipe_runtime.render.camera import exposure
+from recipe_runtime.render.camera.develop_kernels import LEVELS, Response, vignette_gains
 from recipe_runtime.render.camera.passes import Tables
 from recipe_runtime.render.device.arrays import set_fields, struct_array
+from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 
 
@@ -42,7 +43,8 @@ class ResponseTables:
         if key not in self._gains:
             gains = wp.empty(camera.width * camera.height, dtype=wp.float32, device=self._device)
             response_record = struct_array([response_of(response, 1.0, 0, camera)], self._device)
-            passes.vignette_gains(response_record, tables.gains, gains, self._device)
+            circle = {"lens_circle": tables.gains}
+            launch(vignette_gains, gains.size, self._device, responses=response_record, **circle, out_gains=gains)
             self._gains[key] = gains
         return Tables(self._gains[key], tables.tone, tables.deviates)
 

@@ -1,4 +1,4 @@
-"""The passes from samples to light, each a launch of one kernel. ShadingPass and RecordedFrame both run these.
+"""The passes from samples to light that the CPU path and RecordedFrame both run, each a launch of one kernel or two.
 
 Arguments: `samples`, `air`, `lamps`, `bodies`, `previous` and `dirty` are one-element arrays of the structs `Samples`,
 `Air`, `Lamps`, `Bodies`, `PreviousFrame` and `DirtySamples`, `beams` an array of four `Sunbeam`; `view_from_world` and
@@ -16,14 +16,11 @@ from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.lighting import (
     fog_glow_kernels,
     reflection_kernels,
-    reflection_reuse_kernels,
     shading_kernels,
-    temporal_kernels,
     tile_list_kernels,
 )
 from recipe_runtime.render.lighting.buffers import LightBuffers, RayBuffers, TileLists
 from recipe_runtime.render.scene.camera import pinhole_of
-from recipe_runtime.render.shadows import shadow_kernels
 
 
 @dataclass(frozen=True)
@@ -89,69 +86,6 @@ def list_lights(
     )
 
 
-def compare_tiles(
-    lamps: DeviceArray,
-    lists_before: TileLists,
-    lists: TileLists,
-    boxes: tuple[DeviceArray, DeviceArray],
-    beams: DeviceArray,
-    needed: int,
-    out_bits: DeviceArray,
-    device: str,
-) -> None:
-    """Find the tiles whose static light cannot have changed: see `compare_lists` and `mark_unshadowed` for the bits."""
-    launch(
-        tile_list_kernels.compare_lists,
-        lists.tiles,
-        device,
-        lamps=lamps,
-        lamps_before=lists_before.lamps,
-        bodies_before=lists_before.bodies,
-        glows_before=lists_before.glows,
-        lamp_lists=lists.lamps,
-        body_lists=lists.bodies,
-        glow_lists=lists.glows,
-        lows=boxes[0],
-        highs=boxes[1],
-        out_bits=out_bits,
-    )
-    launch(
-        shadow_kernels.mark_unshadowed,
-        lists.tiles,
-        device,
-        lows=boxes[0],
-        highs=boxes[1],
-        beams=beams,
-        needed_bits=needed,
-        out_bits=out_bits,
-    )
-
-
-def collect_dirty(
-    firsts: DeviceArray,
-    air: DeviceArray,
-    previous: DeviceArray,
-    reuse_class: DeviceArray,
-    out_quiet: DeviceArray,
-    out_count: DeviceArray,
-    out_samples: DeviceArray,
-    device: str,
-) -> None:
-    """List the static samples whose light may have changed."""
-    launch(
-        temporal_kernels.collect_dirty,
-        firsts.size - 1,
-        device,
-        firsts=firsts,
-        air=air,
-        previous=previous,
-        reuse_class=reuse_class,
-        out_quiet=out_quiet,
-        out_count=out_count,
-        out_samples=out_samples,
-    )
-
-
 def shade_samples(
     threads: int,
     samples: DeviceArray,
@@ -205,48 +139,6 @@ def trace_rays(
         out_reach=out_rays.reach,
         out_origins=out_rays.origins,
         out_ways=out_rays.ways,
-    )
-
-
-def collect_reflective(
-    samples: DeviceArray, mirror: DeviceArray, count: int, out_count: DeviceArray, out_samples: DeviceArray, device: str
-) -> None:
-    """List those of the first `count` samples that reflect anything."""
-    launch(
-        reflection_reuse_kernels.collect_reflective,
-        count,
-        device,
-        samples=samples,
-        mirror=mirror,
-        out_count=out_count,
-        out_samples=out_samples,
-    )
-
-
-def stale_reflections(
-    samples: DeviceArray,
-    air: DeviceArray,
-    previous: DeviceArray,
-    reflective: DeviceArray,
-    previous_ring_step: int,
-    sources: DeviceArray,
-    out_count: DeviceArray,
-    out_samples: DeviceArray,
-    device: str,
-) -> None:
-    """List those of the reflective samples whose reflection may have changed."""
-    launch(
-        reflection_reuse_kernels.stale_reflections,
-        reflective.size,
-        device,
-        samples=samples,
-        air=air,
-        previous=previous,
-        reflective=reflective,
-        previous_ring_step=previous_ring_step,
-        sources=sources,
-        out_count=out_count,
-        out_samples=out_samples,
     )
 
 

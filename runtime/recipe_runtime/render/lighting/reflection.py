@@ -7,9 +7,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from recipe_runtime.render.device.arrays import DeviceArray, struct_array
+from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import passes
+from recipe_runtime.render.lighting.reflection_reuse_kernels import collect_reflective, stale_reflections
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
 from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame
@@ -62,11 +64,22 @@ class ReflectionPass:
         """Return the samples whose reflection may have changed since the earlier frame."""
         if found.reflective is None:
             count, listed = self._list.begin(found.kept)
-            passes.collect_reflective(samples, found.light.mirror, found.kept, count, listed, self._device)
+            out = {"out_count": count, "out_samples": listed}
+            launch(collect_reflective, found.kept, self._device, samples=samples, mirror=found.light.mirror, **out)
             found.reflective = wp.clone(listed[: int(count.numpy()[0])])
         count, listed = self._list.begin(found.kept)
-        passes.stale_reflections(
-            samples, air, previous, found.reflective, found.ring_step, found.sources, count, listed, self._device
+        launch(
+            stale_reflections,
+            found.reflective.size,
+            self._device,
+            samples=samples,
+            air=air,
+            previous=previous,
+            reflective=found.reflective,
+            previous_ring_step=found.ring_step,
+            sources=found.sources,
+            out_count=count,
+            out_samples=listed,
         )
         return listed_samples(count, listed, found.kept)
 

@@ -18,20 +18,23 @@ from recipe_runtime.core.timings import Timings
 from recipe_runtime.render.atmosphere import weather_light
 from recipe_runtime.render.atmosphere.weather_light import WeatherLight
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
+from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import passes
+from recipe_runtime.render.lighting.buffers import TileLists
 from recipe_runtime.render.lighting.light_sources import LightSources
 from recipe_runtime.render.lighting.passes import ShadingInputs
 from recipe_runtime.render.lighting.reflection import ReflectionPass
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
-from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame
-from recipe_runtime.render.lighting.tile_list_kernels import UNSHADOWED
+from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame, collect_dirty
+from recipe_runtime.render.lighting.tile_list_kernels import UNSHADOWED, compare_lists
 from recipe_runtime.render.patches.patch_arrays import no_patches, patch_structs, texture_of
 from recipe_runtime.render.raster.observation import Observation
-from recipe_runtime.render.sampling.sampler import FrameSamples
+from recipe_runtime.render.sampling.sampler import FrameSamples, StaticBase
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.shadow_kernels import mark_unshadowed
 from recipe_runtime.render.texture.images import SurfaceColours
 from recipe_runtime.render.texture.mipmaps import ImageAtlases
 from recipe_runtime.render.texture.surface_colours import surface_colours
@@ -106,8 +109,17 @@ class ShadingPass:
         """Return the samples whose light may have changed since the earlier frame."""
         assert points.base is not None
         count, listed = self._list.begin(points.base.count)
-        passes.collect_dirty(
-            points.base.firsts, air, previous, found.light.reuse_class, found.quiet, count, listed, self._device
+        launch(
+            collect_dirty,
+            points.base.firsts.size - 1,
+            self._device,
+            firsts=points.base.firsts,
+            air=air,
+            previous=previous,
+            reuse_class=found.light.reuse_class,
+            out_quiet=found.quiet,
+            out_count=count,
+            out_samples=listed,
         )
         return listed_samples(count, listed, points.base.count)
 
@@ -122,12 +134,8 @@ class ShadingPass:
         clouds = float(light.air.drift[0]), float(light.air.drift[1])
         cached = base.lights.get(name) if base is not None else None
         if cached is not None and base is not None:
-            before.tiles = wp.empty(lights.lists.tiles, dtype=wp.int32, device=self._device)
+            before.tiles = self._compared_tiles(cached.lists, base, light, lights)
             set_fields(before, sky=int(cached.clouds == clouds), shared_count=base.count, leaf_step=cached.leaf_step)
-            needed = 1 + (2 + int(UNSHADOWED)) * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
-            passes.compare_tiles(
-                lights.lamps, cached.lists, lights.lists, base.boxes, lights.beams, needed, before.tiles, self._device
-            )
             found, cached.lists, cached.clouds = cached, lights.lists, clouds
         else:
             capacity, kept = points.count, 0
@@ -145,6 +153,30 @@ class ShadingPass:
         if base is not None and found.kept:
             base.lights[name] = found
         return found, before
+
+    def _compared_tiles(
+        self, lists_before: TileLists, base: StaticBase, light: WeatherLight, lights: ShadingInputs
+    ) -> DeviceArray:
+        """Return by tile which static light cannot have changed: the bits of `compare_lists` and `mark_unshadowed`."""
+        lists, (lows, highs) = lights.lists, base.boxes
+        bits = wp.empty(lists.tiles, dtype=wp.int32, device=self._device)
+        boxes = {"lows": lows, "highs": highs, "out_bits": bits}
+        launch(
+            compare_lists,
+            lists.tiles,
+            self._device,
+            lamps=lights.lamps,
+            lamps_before=lists_before.lamps,
+            bodies_before=lists_before.bodies,
+            glows_before=lists_before.glows,
+            lamp_lists=lists.lamps,
+            body_lists=lists.bodies,
+            glow_lists=lists.glows,
+            **boxes,
+        )
+        needed = 1 + (2 + int(UNSHADOWED)) * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
+        launch(mark_unshadowed, lists.tiles, self._device, beams=lights.beams, needed_bits=needed, **boxes)
+        return bits
 
     def patches_of(self, appearance: AppearancePlan, frame: int) -> DeviceArray:
         """The patches of an appearance in a frame, a record of `PatchArrays`."""

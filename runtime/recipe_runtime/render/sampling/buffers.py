@@ -49,11 +49,15 @@ class SampleColumns:
             wp.copy(getattr(wider, name), getattr(self, name), count=count)
         return wider
 
+    def named(self, *names: str, prefix: str = "") -> dict[str, DeviceArray]:
+        """Return some of the columns by name, as kernels give it: `out_` before the name of one that is written."""
+        return {prefix + name: getattr(self, name) for name in names}
+
 
 def samples_of(columns: SampleColumns) -> Samples:
     """Return the struct `Samples` of the columns, for shading; its eye and its transforms are not set."""
     names = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths", "pixels", "tiles", "keys")
-    return set_fields(Samples(), **{name: getattr(columns, name) for name in names})
+    return set_fields(Samples(), **columns.named(*names))
 
 
 def scene_arrays(

@@ -1,4 +1,4 @@
-"""The passes from keys to samples, each a launch of one kernel. Sampler and RecordedFrame both run these.
+"""The passes from keys to samples that Sampler and RecordedFrame both run, and `assign_slots` of the latter.
 
 Arguments: `tiles` int32 [N] are indices of tiles, `coarse` and `fine` are the keys of pixels and of their quarters,
 `scene` is a one-element array of `SceneArrays`; `groups` and `starts` int32 [H * W] are, by pixel, how its quarters
@@ -12,25 +12,9 @@ from recipe_compiler.ir.plan import CameraPlan
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.raster.label_kernels import TILE_PIXELS
-from recipe_runtime.render.sampling import sample_kernels, slot_kernels, tile_kernels
+from recipe_runtime.render.sampling import sample_kernels, slot_kernels
 from recipe_runtime.render.sampling.buffers import SampleColumns
 from recipe_runtime.render.scene.camera import pinhole_of
-
-
-def restore_keys(
-    tiles: DeviceArray, static_keys: DeviceArray, camera: CameraPlan, out_fine: DeviceArray, device: str
-) -> None:
-    """Reset the keys of the tiles' quarters to the static scene."""
-    if tiles.size:
-        launch(
-            sample_kernels.restore_keys,
-            tiles.size * int(TILE_PIXELS),
-            device,
-            tile_corners=tiles,
-            static_keys=static_keys,
-            pinhole=pinhole_of(camera, 1),
-            out_fine=out_fine,
-        )
 
 
 def count_samples(
@@ -134,11 +118,7 @@ def emit_samples(
         scene=scene,
         groups=groups,
         out_starts=out_starts,
-        out_keys=out_columns.keys,
-        out_pixels=out_columns.pixels,
-        out_places=out_columns.places,
-        out_weights=out_columns.weights,
-        out_tiles=out_columns.tiles,
+        **out_columns.named("keys", "pixels", "places", "weights", "tiles", prefix="out_"),
     )
 
 
@@ -152,41 +132,8 @@ def evaluate_samples(
             count,
             device,
             first_sample=first_sample,
-            keys=columns.keys,
-            pixels=columns.pixels,
-            places=columns.places,
             pinhole=pinhole_of(camera, 1),
             scene=scene,
-            out_surfaces=columns.surfaces,
-            out_positions=columns.positions,
-            out_normals=columns.normals,
-            out_details=columns.details,
-            out_codes=columns.codes,
-            out_puddle_depths=columns.puddle_depths,
+            **columns.named("keys", "pixels", "places"),
+            **columns.named("surfaces", "positions", "normals", "details", "codes", "puddle_depths", prefix="out_"),
         )
-
-
-def bound_tiles(
-    tiles: DeviceArray,
-    camera: CameraPlan,
-    starts: DeviceArray,
-    count: int,
-    columns: SampleColumns,
-    out_lows: DeviceArray,
-    out_highs: DeviceArray,
-    device: str,
-) -> None:
-    """Write the world-space box of each tile's samples except the sky's; `out_lows`, `out_highs` vec3f by tile."""
-    launch(
-        tile_kernels.bound_tiles,
-        tiles.size,
-        device,
-        tile_corners=tiles,
-        pinhole=pinhole_of(camera, 1),
-        starts=starts,
-        sample_count=count,
-        surfaces=columns.surfaces,
-        positions=columns.positions,
-        out_lows=out_lows,
-        out_highs=out_highs,
-    )

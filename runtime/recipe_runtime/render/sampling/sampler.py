@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, struct_of
+from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import label_kernels
@@ -24,7 +25,8 @@ from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer, all_tiles
 from recipe_runtime.render.sampling import passes
 from recipe_runtime.render.sampling.buffers import SampleColumns, samples_of, scene_arrays
-from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples
+from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples, restore_keys
+from recipe_runtime.render.sampling.tile_kernels import bound_tiles
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
 
@@ -162,10 +164,21 @@ class Sampler:
     def _boxes(
         self, obs: Observation, starts: DeviceArray, columns: SampleColumns, count: int
     ) -> tuple[DeviceArray, DeviceArray]:
-        """Return the world-space boxes of the samples of every tile."""
+        """Return the world-space boxes of each tile's samples except the sky's."""
         tiles = self._tiles(all_tiles(obs.camera))
         lows, highs = (wp.empty(tiles.size, dtype=wp.vec3f, device=self._device) for _ in range(2))
-        passes.bound_tiles(tiles, obs.camera, starts, count, columns, lows, highs, self._device)
+        launch(
+            bound_tiles,
+            tiles.size,
+            self._device,
+            tile_corners=tiles,
+            pinhole=pinhole_of(obs.camera, 1),
+            starts=starts,
+            sample_count=count,
+            **columns.named("surfaces", "positions"),
+            out_lows=lows,
+            out_highs=highs,
+        )
         return lows, highs
 
     def _with_base(self, base: StaticBase, obs: Observation, antialias: bool) -> FrameSamples:
@@ -173,7 +186,15 @@ class Sampler:
         scene, before = self._scene(obs), base.touched
         if antialias:
             with self._timings("restore samples"):
-                passes.restore_keys(self._tiles(before), base.still.fine, obs.camera, base.fine, self._device)
+                launch(
+                    restore_keys,
+                    len(before) * int(label_kernels.TILE_PIXELS),
+                    self._device,
+                    tile_corners=self._tiles(before),
+                    static_keys=base.still.fine,
+                    pinhole=pinhole_of(obs.camera, 1),
+                    out_fine=base.fine,
+                )
             self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
         tiles = np.union1d(before, obs.touched).astype(np.int32)
