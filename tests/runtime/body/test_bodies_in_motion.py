@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import ActorPlan, Clock, Point, Pose, ScenePlan
+from recipe_compiler.ir.plan import ActorPlan, Clock, Pose, ScenePlan
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.towns.streets import StreetGrid
 from recipe_runtime.body import riding
@@ -24,6 +24,7 @@ from recipe_runtime.meshes import actor_body
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.simulation.terrain import Ground
 
+from tests.runtime.actors import actor
 from tests.runtime.simulation.in_process import simulate
 
 TOWN = towns.build("downtown", 0, {"blocks": [2, 2]})
@@ -39,24 +40,14 @@ def turning(blueprint: str, way: str) -> ActorPlan:
     new = {"right": (1, 0), "left": (-1, 0)}[way]
     through = STREETS._through(junction, (0, 1), new)
     end = (through[-1][0] + 18.0 * new[0], through[-1][1] + 18.0 * new[1])
-    return ActorPlan(
-        name="it",
-        blueprint=found.id,
-        category="vehicle",
-        tag=found.tag,
-        instance=1,
-        shape=found.shape,
-        start=Pose(x=through[0][0], y=through[0][1] - 12.0, yaw=90),
-        route=tuple(Point(x=x, y=y) for x, y in [*through, end]),
-        speed=found.default_speed,
-        obeys=False,  # no waiting at a red light
-    )
+    start = Pose(x=through[0][0], y=through[0][1] - 12.0, yaw=90)
+    return actor("it", found, start, *through, end, obeys=False)  # no waiting at a red light
 
 
 @cache
 def turn(blueprint: str, way: str) -> tuple[ActorPlan, Trace]:
-    actor = turning(blueprint, way)
-    return actor, simulate(ScenePlan(clock=Clock(fps=20, frames=320, physics=240), town=TOWN.plan, actors=(actor,)))
+    it = turning(blueprint, way)
+    return it, simulate(ScenePlan(clock=Clock(fps=20, frames=320, physics=240), town=TOWN.plan, actors=(it,)))
 
 
 def row(trace: Trace, part: str) -> int:
@@ -74,7 +65,7 @@ def lowest(body: Body, poses: NDArray[np.float64]) -> float:
 @pytest.mark.parametrize("way", ["right", "left"])
 @pytest.mark.parametrize("blueprint", ["vehicle.bus.city", "vehicle.truck.box", "vehicle.van.cargo"])
 def test_long_vehicles_do_not_touch_the_kerb(blueprint: str, way: str) -> None:
-    actor, trace = turn(blueprint, way)
+    it, trace = turn(blueprint, way)
     reach = 0.15  # from a hub to the outer side of its tyre
     for frame in range(0, trace.frames, 2):
         for part in (p for p in trace.parts if "wheel" in p):
@@ -84,7 +75,7 @@ def test_long_vehicles_do_not_touch_the_kerb(blueprint: str, way: str) -> None:
                 assert GROUND.height(x, y) == 0.0, f"{part} at frame {frame}"
     base = trace.positions[:, 0] / METRE
     assert np.abs(base[:, 2]).max() < 0.005
-    goal = actor.route[-1]
+    goal = it.route[-1]
     assert np.hypot(base[-1, 0] - goal.x, base[-1, 1] - goal.y) < 1.0
 
 
@@ -244,19 +235,7 @@ def stroll() -> tuple[tuple[ActorPlan, ...], Trace]:
     actors = []
     for n, number in enumerate(("0009", "0013", "0012")):
         found, x = blueprints.match(f"walker.pedestrian.{number}")[0], -4.2 - 1.1 * n
-        actors.append(
-            ActorPlan(
-                name=found.id,
-                blueprint=found.id,
-                category="pedestrian",
-                tag=found.tag,
-                instance=n + 1,
-                shape=found.shape,
-                start=Pose(x=x, y=3.0, z=0.15, yaw=-90),
-                route=(Point(x=x, y=-3.0),),
-                speed=found.default_speed,
-            )
-        )
+        actors.append(actor(found.id, found, Pose(x=x, y=3.0, z=0.15, yaw=-90), (x, -3.0), instance=n + 1))
     clock = Clock(fps=30, frames=240, physics=240)
     return tuple(actors), simulate(ScenePlan(clock=clock, town=TOWN.plan, actors=tuple(actors)))
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.plan import ActorPlan, Pose
 from recipe_compiler.library import blueprints
 from recipe_runtime.body import walk_cycle
 from recipe_runtime.body.footsteps import Footsteps, Ground
@@ -18,6 +17,8 @@ from recipe_runtime.body.skeleton import Figure
 from recipe_runtime.frames import portrait
 from recipe_runtime.meshes import actor_body
 from recipe_runtime.meshes.mesh import Body
+
+from tests.runtime.actors import actor
 
 PEOPLE = [b for b in blueprints.LIBRARY if b.category == "pedestrian"]
 TICK = 1.0 / 30.0  # seconds between two samples
@@ -35,19 +36,7 @@ def kerb(begin: float, end: float) -> Ground:
 
 def body_of(blueprint: blueprints.Blueprint) -> Body:
     """Return the meshes of a person."""
-    return actor_body(
-        ActorPlan(
-            name="it",
-            blueprint=blueprint.id,
-            category="pedestrian",
-            tag=blueprint.tag,
-            instance=1,
-            shape=blueprint.shape,
-            start=Pose(),
-            route=(),
-            speed=1.0,
-        )
-    )
+    return actor_body(actor("it", blueprint))
 
 
 @dataclass(frozen=True)

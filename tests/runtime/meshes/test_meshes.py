@@ -25,6 +25,8 @@ from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.meshes.smoothing import Sheet, flatten
 from recipe_runtime.meshes.vectors import cross, unit
 
+from tests.runtime.actors import actor
+
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
 
 
@@ -34,17 +36,7 @@ def bodies_of_town() -> tuple[Body, ...]:
 
 
 def plan(blueprint: Blueprint) -> ActorPlan:
-    return ActorPlan(
-        name="someone",
-        blueprint=blueprint.id,
-        category=blueprint.category,
-        tag=blueprint.tag,
-        instance=3,
-        shape=blueprint.shape,
-        start=Pose(),
-        route=(),
-        speed=1.0,
-    )
+    return actor("someone", blueprint, instance=3, speed=1.0)
 
 
 def check(mesh: Mesh) -> None:

@@ -5,34 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 import pytest
-from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Point, Pose, ScenePlan, TownPlan
-from recipe_compiler.library import blueprints
+from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Pose, ScenePlan, TownPlan
 from recipe_runtime.simulation.loop import Simulation
 from recipe_runtime.simulation.traffic.driver import Command
 from recipe_runtime.simulation.vehicle import VehicleAgent
 
+from tests.runtime import actors
 
-def actor(name: str, blueprint: str, start: Pose, *route: tuple[float, float], speed: float = 8.0) -> ActorPlan:
-    found = blueprints.match(blueprint)[0]
-    return ActorPlan(
-        name=name,
-        blueprint=found.id,
-        category=found.category,
-        tag=found.tag,
-        instance=1,
-        shape=found.shape,
-        start=start,
-        route=tuple(Point(x=x, y=y) for x, y in route),
-        speed=speed,
-    )
+actor = partial(actors.actor, speed=8.0)
 
 
 @contextmanager
-def simulation(*actors: ActorPlan, elements: Sequence[Element] = (), physics: int = 240) -> Iterator[Simulation]:
+def simulation(*cast: ActorPlan, elements: Sequence[Element] = (), physics: int = 240) -> Iterator[Simulation]:
     town = TownPlan(name="flat", elements=tuple(elements))
-    made = Simulation(ScenePlan(clock=Clock(fps=10, frames=1, physics=physics), town=town, actors=actors))
+    made = Simulation(ScenePlan(clock=Clock(fps=10, frames=1, physics=physics), town=town, actors=cast))
     yield made
     made.close()
 

@@ -21,24 +21,14 @@ from recipe_runtime.core.transforms import part_transforms
 from recipe_runtime.simulation import process
 from recipe_runtime.simulation.recording import snap
 
+from tests.runtime import actors
 from tests.runtime.simulation.in_process import simulate
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
 
 
 def actor(name: str, glob: str, x: float, y: float, yaw: float, goal: tuple[float, float], speed: float) -> ActorPlan:
-    blueprint = blueprints.match(glob)[0]
-    return ActorPlan(
-        name=name,
-        blueprint=blueprint.id,
-        category=blueprint.category,
-        tag=blueprint.tag,
-        instance=1,
-        shape=blueprint.shape,
-        start=Pose(x=x, y=y, z=TOWN.ground(x, y), yaw=yaw),
-        route=(Point(x=goal[0], y=goal[1]),),
-        speed=speed,
-    )
+    return actors.actor(name, glob, Pose(x=x, y=y, z=TOWN.ground(x, y), yaw=yaw), goal, speed=speed)
 
 
 HERO1 = actor("hero1", "walker.pedestrian.0001", -4, 5, -90, (-4, -5), 1.4)
@@ -47,8 +37,8 @@ CAR = actor("car", "vehicle.sedan.a", 1.5, -24, 90, (1.5, 20), 8.0)
 FAR = actor("far", "walker.pedestrian.0003", 66, 10, -90, (66, -10), 1.4)
 
 
-def scene(*actors: ActorPlan, frames: int) -> ScenePlan:
-    return ScenePlan(clock=Clock(fps=30, frames=frames, physics=240), town=TOWN.plan, actors=actors)
+def scene(*cast: ActorPlan, frames: int) -> ScenePlan:
+    return ScenePlan(clock=Clock(fps=30, frames=frames, physics=240), town=TOWN.plan, actors=cast)
 
 
 @cache

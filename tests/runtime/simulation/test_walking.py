@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Pause, Point, Pose, ScenePlan, TownPlan
+from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Pause, Pose, ScenePlan, TownPlan
 from recipe_compiler.ir.signals import may_walk
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.core.trace import METRE, Trace
@@ -22,6 +22,7 @@ from recipe_runtime.simulation.walking.avoidance import Disc, Scene, choose
 from recipe_runtime.simulation.walking.crossings import Crossing, Crossings
 from recipe_runtime.simulation.walking.surroundings import Surroundings
 
+from tests.runtime.actors import actor
 from tests.runtime.simulation.in_process import simulate
 
 Array = NDArray[np.float64]
@@ -33,18 +34,8 @@ FPS = 10
 
 def walker(name: str, way: Way, speed: float = 1.4, **more: object) -> ActorPlan:
     (x, y), (ax, ay) = way[0], way[1] if len(way) > 1 else (way[0][0] + 1.0, way[0][1])
-    plan = ActorPlan(
-        name=name,
-        blueprint=BLUEPRINT.id,
-        category="pedestrian",
-        tag=BLUEPRINT.tag,
-        instance=1,
-        shape=BLUEPRINT.shape,
-        start=Pose(x=x, y=y, z=TOWN.ground(x, y), yaw=math.degrees(math.atan2(ay - y, ax - x))),
-        route=tuple(Point(x=x, y=y) for x, y in way[1:]),
-        speed=speed,
-    )
-    return plan.model_copy(update=more)
+    start = Pose(x=x, y=y, z=TOWN.ground(x, y), yaw=math.degrees(math.atan2(ay - y, ax - x)))
+    return actor(name, BLUEPRINT, start, *way[1:], speed=speed, **more)
 
 
 def scene(*actors: ActorPlan, seconds: float) -> ScenePlan:

@@ -17,6 +17,8 @@ from recipe_runtime.simulation.traffic.driver import Command, Driver
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
+from tests.runtime import actors
+
 TICK = 0.1
 
 
@@ -30,19 +32,8 @@ def actor(
     obeys: bool = True,
 ) -> ActorPlan:
     """Return the plan of an actor; `start` is x, y and yaw."""
-    found = blueprints.match(blueprint)[0]
-    return ActorPlan(
-        name=name,
-        blueprint=found.id,
-        category=found.category,
-        tag=found.tag,
-        instance=1,
-        shape=dict(found.shape),
-        start=Pose(x=start[0], y=start[1], yaw=start[2]),
-        route=tuple(Point(x=x, y=y) for x, y in route),
-        speed=found.default_speed if speed is None else speed,
-        obeys=obeys,
-    )
+    x, y, yaw = start
+    return actors.actor(name, blueprint, Pose(x=x, y=y, yaw=yaw), *route, speed=speed, obeys=obeys)
 
 
 class Dummy:
@@ -96,11 +87,11 @@ class Car(Dummy):
 class KinematicWorld:
     """Vehicles and pedestrians of a town, at 10 ticks per second."""
 
-    def __init__(self, town: TownPlan, actors: Sequence[ActorPlan], *, start: float = 0.0) -> None:
+    def __init__(self, town: TownPlan, plans: Sequence[ActorPlan], *, start: float = 0.0) -> None:
         self.road_map = RoadMap(town)
         self.junctions = JunctionControl(self.road_map)
         self.bodies = [
-            Car(a, Driver(a, self.road_map, self.junctions)) if a.category == "vehicle" else Dummy(a) for a in actors
+            Car(a, Driver(a, self.road_map, self.junctions)) if a.category == "vehicle" else Dummy(a) for a in plans
         ]
         self.cars = [body for body in self.bodies if isinstance(body, Car)]
         self.tick, self._start = 0, start
@@ -263,18 +254,6 @@ def town_traffic(
                 sign = 1.0 if spot.yaw == 90 else -1.0
                 limit = town.streets.bounds[1][1]
                 route, entry = (Point(x=spot.x, y=sign * limit),), Pose(x=spot.x, y=-sign * limit, yaw=spot.yaw)
-            plans.append(
-                ActorPlan(
-                    name=f"{category}.{n}",
-                    blueprint=blueprint.id,
-                    category=category,
-                    tag=blueprint.tag,
-                    instance=n + 1,
-                    shape=dict(blueprint.shape),
-                    start=spot,
-                    route=route,
-                    speed=speed,
-                    entry=entry,
-                )
-            )
+            name_of = f"{category}.{n}"
+            plans.append(actors.actor(name_of, blueprint, spot, *route, speed=speed, instance=n + 1, entry=entry))
     return town, plans
