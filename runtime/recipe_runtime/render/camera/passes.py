@@ -14,7 +14,7 @@ from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.camera import develop_kernels, rain_kernels
 from recipe_runtime.render.device.arrays import DeviceArray
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.buffers import PixelLevels
 from recipe_runtime.render.scene.camera import pinhole_of
@@ -33,8 +33,7 @@ class Exposed:
 
     def arguments(self) -> dict[str, Any]:
         """Return them under the names that kernels give them."""
-        names = "radiance", "starts", "groups", "weights", "streak"
-        return {name: getattr(self, name) for name in names} | {"rain_cover": self.cover}
+        return fields_of(self, "radiance", "starts", "groups", "weights", "streak") | {"rain_cover": self.cover}
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from recipe_runtime.render.device import compiled
 from recipe_runtime.render.device.setup import BLOCK_SIZE, wp
 
@@ -32,3 +34,8 @@ def launch(kernel: wp.Kernel, threads: int, device: str, /, **arguments: object)
         _loaded.add((kernel.module, device))
     inputs = [arguments[name] for name in names]
     wp.launch(kernel, dim=threads, inputs=inputs, device=device, block_dim=BLOCK_SIZE)
+
+
+def fields_of(record: object, *names: str, prefix: str = "") -> dict[str, Any]:
+    """Return fields of a record, by name, as arguments of a kernel; `prefix` is `out_` for those that it writes."""
+    return {prefix + name: getattr(record, name) for name in names}

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.device.arrays import DeviceArray
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.lighting import (
     fog_glow_kernels,
     reflection_kernels,
@@ -37,9 +37,8 @@ class ShadingInputs:
 
     def arguments(self) -> dict[str, DeviceArray]:
         """Return them under the names that kernels give them."""
-        names = "colours", "patches", "air", "beams", "lamps", "bodies"
         lists = {"lamp_lists": self.lists.lamps, "body_lists": self.lists.bodies, "glow_lists": self.lists.glows}
-        return {name: getattr(self, name) for name in names} | lists
+        return fields_of(self, "colours", "patches", "air", "beams", "lamps", "bodies") | lists
 
 
 @dataclass(frozen=True)
@@ -104,10 +103,7 @@ def shade_samples(
         **lights.arguments(),
         previous=previous,
         dirty=dirty,
-        out_radiance=out_light.radiance,
-        out_mirror=out_light.mirror,
-        out_reuse_class=out_light.reuse_class,
-        out_shown=out_light.shown,
+        **fields_of(out_light, "radiance", "mirror", "reuse_class", "shown", prefix="out_"),
     )
 
 
@@ -130,15 +126,12 @@ def trace_rays(
         samples=samples,
         mirror=mirror,
         depth=view.depth,
-        starts=view.starts,
-        view_from_world=view.view_from_world,
+        **fields_of(view, "starts", "view_from_world"),
         pinhole=pinhole_of(view.camera, 1),
         previous=previous,
         motion_sums=motion_sums,
         blocks_per_thread=blocks_per_thread,
-        out_reach=out_rays.reach,
-        out_origins=out_rays.origins,
-        out_ways=out_rays.ways,
+        **fields_of(out_rays, "reach", "origins", "ways", prefix="out_"),
     )
 
 
@@ -164,8 +157,7 @@ def reflect(
         mirror=light.mirror,
         reach=rays.reach,
         depth=view.depth,
-        starts=view.starts,
-        view_from_world=view.view_from_world,
+        **fields_of(view, "starts", "view_from_world"),
         pinhole=pinhole_of(view.camera, 1),
         previous=previous,
         dirty=dirty,

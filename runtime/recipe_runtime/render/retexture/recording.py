@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.render.camera.camera_pass import ExposedFrame
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.passes import ShadingInputs
 from recipe_runtime.render.lighting.shading_kernels import SurfaceLight
@@ -20,6 +21,15 @@ from recipe_runtime.render.retexture.relight_kernels import PixelSamples, Record
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
 
 Numbers = NDArray[np.int32]
+_KINDS: dict[str, Any] = {  # of fields of `Recorded` that kernels write
+    "albedo": wp.vec3f,
+    "glow": wp.vec3f,
+    "light": SurfaceLight,
+    "patches": wp.int32,
+    "coverages": wp.float32,
+    "places": wp.vec4f,
+    "codes": wp.uint32,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,60 +153,21 @@ def _recorded(
 ) -> Recorded:
     """Return the light of the patched samples, and their positions on patches."""
     count, points, listed = len(patched), int(firsts[-1]), _numbers(patched, device)
-    albedo, glow = (wp.empty(count, dtype=wp.vec3f, device=device) for _ in range(2))
-    light = wp.empty(count, dtype=SurfaceLight, device=device)
-    patches, coverages = (wp.empty(points, dtype=kind, device=device) for kind in (wp.int32, wp.float32))
-    places, codes = (wp.empty(points, dtype=kind, device=device) for kind in (wp.vec4f, wp.uint32))
-    first_points = _numbers(firsts, device)
+    lit, shown = Recorded(), {"listed": listed, "samples": samples}
+    for name in ("albedo", "glow", "light"):
+        setattr(lit, name, wp.empty(count, dtype=_KINDS[name], device=device))
+    for name in ("patches", "coverages", "places", "codes"):
+        setattr(lit, name, wp.empty(points, dtype=_KINDS[name], device=device))
+    set_fields(lit, slots=_numbers(slots, device), firsts=_numbers(firsts, device))
     if count:
-        launch(
-            record_points,
-            count,
-            device,
-            listed=listed,
-            firsts=first_points,
-            samples=samples,
-            patches=inputs.patches,
-            out_patches=patches,
-            out_coverages=coverages,
-            out_places=places,
-            out_codes=codes,
+        out = fields_of(lit, "patches", "coverages", "places", "codes", prefix="out_")
+        launch(record_points, count, device, **shown, firsts=lit.firsts, patches=inputs.patches, **out)
+        previous, out = (
+            struct_array([PreviousFrame()], device),
+            fields_of(lit, "albedo", "glow", "light", prefix="out_"),
         )
-        _record_light(listed, inputs, samples, (albedo, glow, light), device)
-    return set_fields(
-        Recorded(),
-        slots=_numbers(slots, device),
-        albedo=albedo,
-        glow=glow,
-        light=light,
-        firsts=first_points,
-        patches=patches,
-        coverages=coverages,
-        places=places,
-        codes=codes,
-    )
-
-
-def _record_light(
-    listed: DeviceArray,
-    inputs: ShadingInputs,
-    samples: DeviceArray,
-    out: tuple[DeviceArray, DeviceArray, DeviceArray],
-    device: str,
-) -> None:
-    """Write albedo and glow that the listed samples have without patches, and the light on them."""
-    launch(
-        record_light,
-        listed.size,
-        device,
-        listed=listed,
-        samples=samples,
-        **inputs.arguments(),
-        previous=struct_array([PreviousFrame()], device),
-        out_albedo=out[0],
-        out_glow=out[1],
-        out_light=out[2],
-    )
+        launch(record_light, count, device, **shown, **inputs.arguments(), previous=previous, **out)
+    return lit
 
 
 def _mirrors(

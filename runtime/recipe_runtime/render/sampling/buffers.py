@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields
+from recipe_runtime.render.device.launch import fields_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.sampling.sample_kernels import Samples, SceneArrays
 from recipe_runtime.render.scene.geometry import Geometry
@@ -20,6 +21,7 @@ _KINDS = {
     "details": wp.vec4f,
     "puddle_depths": wp.float32,
 }
+EVALUATED = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths")  # from the others
 
 
 class SampleColumns:
@@ -49,15 +51,10 @@ class SampleColumns:
             wp.copy(getattr(wider, name), getattr(self, name), count=count)
         return wider
 
-    def named(self, *names: str, prefix: str = "") -> dict[str, DeviceArray]:
-        """Return some of the columns by name, as kernels give it: `out_` before the name of one that is written."""
-        return {prefix + name: getattr(self, name) for name in names}
-
 
 def samples_of(columns: SampleColumns) -> Samples:
     """Return the struct `Samples` of the columns, for shading; its eye and its transforms are not set."""
-    names = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths", "pixels", "tiles", "keys")
-    return set_fields(Samples(), **columns.named(*names))
+    return set_fields(Samples(), **fields_of(columns, *EVALUATED, "pixels", "tiles", "keys"))
 
 
 def scene_arrays(
@@ -67,12 +64,7 @@ def scene_arrays(
     return set_fields(
         SceneArrays(),
         view=vertices,
-        normals=g.normals,
-        uvs=g.uvs,
-        vertex_part=g.vertex_part,
-        triangles=g.triangles,
-        face_normals=g.face_normals,
-        triangle_surface=g.triangle_surface,
+        **fields_of(g, "normals", "uvs", "vertex_part", "triangles", "face_normals", "triangle_surface"),
         surface_pattern=g.surface_pattern,
         world_from_part=world_from_part,
         world_from_view=world_from_view,

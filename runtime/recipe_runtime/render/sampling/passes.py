@@ -10,10 +10,10 @@ from __future__ import annotations
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.device.arrays import DeviceArray
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.raster.label_kernels import TILE_PIXELS
 from recipe_runtime.render.sampling import sample_kernels, slot_kernels
-from recipe_runtime.render.sampling.buffers import SampleColumns
+from recipe_runtime.render.sampling.buffers import EVALUATED, SampleColumns
 from recipe_runtime.render.scene.camera import pinhole_of
 
 
@@ -118,7 +118,7 @@ def emit_samples(
         scene=scene,
         groups=groups,
         out_starts=out_starts,
-        **out_columns.named("keys", "pixels", "places", "weights", "tiles", prefix="out_"),
+        **fields_of(out_columns, "keys", "pixels", "places", "weights", "tiles", prefix="out_"),
     )
 
 
@@ -134,6 +134,6 @@ def evaluate_samples(
             first_sample=first_sample,
             pinhole=pinhole_of(camera, 1),
             scene=scene,
-            **columns.named("keys", "pixels", "places"),
-            **columns.named("surfaces", "positions", "normals", "details", "codes", "puddle_depths", prefix="out_"),
+            **fields_of(columns, "keys", "pixels", "places"),
+            **fields_of(columns, *EVALUATED, prefix="out_"),
         )

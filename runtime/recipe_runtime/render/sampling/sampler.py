@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, struct_of
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import label_kernels
@@ -175,7 +175,7 @@ class Sampler:
             pinhole=pinhole_of(obs.camera, 1),
             starts=starts,
             sample_count=count,
-            **columns.named("surfaces", "positions"),
+            **fields_of(columns, "surfaces", "positions"),
             out_lows=lows,
             out_highs=highs,
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, zeros
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
@@ -54,12 +54,7 @@ class MapMemory:
             kernels.draw_lamp_casters,
             slots * len(chunks) * threads,
             device,
-            vertices=g.vertices,
-            triangles=g.triangles,
-            chunks=g.chunks,
-            chunk_centres=g.chunk_centres,
-            chunk_halves=g.chunk_halves,
-            casts=g.casts,
+            **fields_of(g, "vertices", "triangles", "chunks", "chunk_centres", "chunk_halves", "casts"),
             transforms=world,
             maps=maps,
             first_chunk=chunks.start,

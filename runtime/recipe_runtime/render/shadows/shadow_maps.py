@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, zeros
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster.passes import transform_vertices
 from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts
@@ -140,8 +140,7 @@ class ShadowMap:
                 shadow_kernels.cull_casters,
                 count,
                 self._device,
-                chunk_centres=g.chunk_centres,
-                chunk_halves=g.chunk_halves,
+                **fields_of(g, "chunk_centres", "chunk_halves"),
                 transforms=world,
                 out_visible=self._seen,
                 **chunks,
