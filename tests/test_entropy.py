@@ -18,7 +18,6 @@ ALLOWED_IMPORTS = {
     ("recipe_runtime/core/timings.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build/pipeline.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build/ray.py", "socket"): "whether a Ray cluster answers",
-    ("recipe_runtime/render/device/compiled.py", "time"): "timeout of waiting for the compilation of another process",
     ("recipe_compiler/lowering/sun.py", "datetime"): "dates and times of a recipe; never the clock",
     ("recipe_compiler/checks/references.py", "datetime"): "validation of a recipe's date; never the clock",
 }

@@ -18,7 +18,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import asdict, replace
@@ -43,40 +42,28 @@ PINNED = {
 Progress = Callable[[int, int], None]
 
 
-def simulate(
-    scene: ScenePlan,
-    progress: Progress | None = None,
-    *,
-    timeout: float = 3600.0,
-) -> Trace:
+def simulate(scene: ScenePlan, progress: Progress | None = None) -> Trace:
     """Return the motion of a scene, with its contacts.
 
     Args:
         scene: The plan of the scene.
         progress: Called with the steps done and the total number of steps.
-        timeout: Seconds after which the simulation is stopped.
 
     Raises:
-        RunError: The child process failed or exceeded the time limit.
+        RunError: The child process failed.
     """
     environment = {**os.environ, **PINNED}
     environment.pop("LD_PRELOAD", None)
     command = subprocesses.command("recipe_runtime.simulation.process", "main")
     with tempfile.TemporaryFile() as errors:
         child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, env=environment)
-        timer = threading.Timer(timeout, child.kill)
-        timer.start()
         try:
             with subprocesses.registered(child):
                 trace = _converse(child, scene, progress)
         finally:
-            hung = not timer.is_alive()
-            timer.cancel()
             if child.poll() is None and sys.exc_info()[0] is not None:
                 child.kill()
             code = child.wait()
-        if hung:
-            raise RunError(f"the simulation took more than {timeout:.0f} s and was stopped; try fewer frames or actors")
         if trace is None or code != 0:
             errors.seek(0)
             raise RunError(_explain(code, errors.read()))

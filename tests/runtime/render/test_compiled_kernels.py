@@ -212,14 +212,6 @@ def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
     assert "".join(err for _, err in reported) == f"{FIRST}\n"
 
 
-def test_a_process_does_not_wait_forever_for_a_stopped_compilation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(compiled, "LOCK_SECONDS", 0.2)
-    with compiled._alone(tmp_path), compiled._alone(tmp_path):
-        pass  # both are inside
-
-
 @pytest.mark.slow
 def test_the_notice_goes_only_to_standard_error(tmp_path: Path) -> None:
     code = "import logging; from recipe_runtime.render.device import compiled; from pathlib import Path\n"

@@ -209,11 +209,6 @@ def test_progress_is_reported() -> None:
     assert heard == [(0, 16), (8, 16), (16, 16)]
 
 
-def test_a_hanging_simulation_is_stopped() -> None:
-    with pytest.raises(RunError, match=r"took more than 0 s and was stopped"):
-        process.simulate(scene(HERO1, frames=300), timeout=0.05)
-
-
 @pytest.mark.slow
 def test_an_error_of_the_simulation_is_reported() -> None:
     shapeless = HERO1.model_copy(update={"shape": {}})

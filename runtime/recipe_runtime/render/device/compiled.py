@@ -13,7 +13,6 @@ from __future__ import annotations
 import fcntl
 import logging
 import os
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -23,8 +22,6 @@ from recipe_compiler.ir.errors import RunError, printable
 
 from recipe_runtime.core.files import file_sha256, remove_tree, write_atomic
 
-LOCK_SECONDS = 300.0  # limit of the wait for another process that compiles
-_POLL_SECONDS = 0.1
 _LOADED = (".o", ".cubin", ".ptx", ".meta")
 _warned: set[Path] = set()  # folders for which damage was reported
 _announced: set[Path] = set()  # folders for which compiling was announced
@@ -132,7 +129,7 @@ def _alone(folder: Path) -> Iterator[None]:
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        _lock(handle)
+        fcntl.flock(handle, fcntl.LOCK_EX)
     try:
         yield
     finally:
@@ -140,12 +137,3 @@ def _alone(folder: Path) -> Iterator[None]:
             with suppress(OSError):
                 fcntl.flock(handle, fcntl.LOCK_UN)  # a forked child has the handle too
             os.close(handle)
-
-
-def _lock(handle: int) -> None:
-    end = time.monotonic() + LOCK_SECONDS
-    while time.monotonic() < end:
-        try:
-            return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            time.sleep(_POLL_SECONDS)

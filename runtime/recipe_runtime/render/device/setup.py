@@ -30,8 +30,8 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_
 def _cache_folder() -> str:
     """Return the folder for compiled kernels, by package version and machine.
 
-    It is in RECIPE_KERNEL_CACHE or RECIPE_CACHE, if set. Otherwise, or if that is not writable or others may write to
-    it, it is in the user's cache folder, or among temporary files if that is not writable.
+    It is in RECIPE_KERNEL_CACHE or RECIPE_CACHE, if set. Otherwise, or if that is not writable, it is in the user's
+    cache folder, or among temporary files if that is not writable.
 
     Raises:
         InputError: The folder named by a variable contains files that are not of a cache.
@@ -51,8 +51,7 @@ def _cache_folder() -> str:
             if home is kernel_cache:
                 raise
             continue
-        barred = home is kernel_cache and not all(map(_is_mine, (folder, folder.parent, folder.parent.parent)))
-        if os.access(folder, os.W_OK) and not barred:
+        if os.access(folder, os.W_OK):
             os.utime(folder)  # marks the folder as used: pruning removes the least recently used
             return str(folder)
     raise RunError("no folder for compiled kernels is writable; set RECIPE_KERNEL_CACHE to a writable one")
