@@ -115,3 +115,23 @@ def test_noise_seeds_are_in_the_register() -> None:
                 seed = ast.unparse(call.args[-1])
                 assert re.fullmatch(r"wp\.uint32\(\d+\)", seed) is None, f"{path.name}:{call.lineno}: {seed}"
     assert calls_of_noise > 40
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER.parent).as_posix())
+def test_no_call_unpacks_a_tuple_that_its_function_packed(path: Path) -> None:
+    """With the arguments in the call itself, a reader can match them with the parameters."""
+    for function in (node for node in walk(parsed(path)) if isinstance(node, ast.FunctionDef)):
+        nodes = list(ast.walk(function))
+        pairs = [pair for node in nodes if isinstance(node, ast.Assign) for pair in assigned(node)]
+        packed = {name for name, value in pairs if isinstance(value, ast.Tuple)} - {"shape"}  # one value: of an array
+        called = [node for node in nodes if isinstance(node, ast.Call)]
+        spread = {ast.unparse(a.value) for call in called for a in call.args if isinstance(a, ast.Starred)}
+        assert not packed & spread, f"{path.name}: {function.name} unpacks {sorted(packed & spread)}"
+
+
+def assigned(node: ast.Assign) -> list[tuple[str, ast.expr]]:
+    """Return each name that an assignment binds, with its value."""
+    target, value = node.targets[0], node.value
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+        return [(ast.unparse(name), part) for name, part in zip(target.elts, value.elts, strict=False)]
+    return [(ast.unparse(target), value)]

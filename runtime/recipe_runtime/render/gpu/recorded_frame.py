@@ -219,26 +219,28 @@ class RecordedFrame:
             draw_patch_numbers(keys, camera, self._scene, samples, patches, numbers, self.device)
 
     def _raster(self, keys: DeviceArray, side: int, first_chunk: int = 0, first_actor: int = -1) -> None:
-        n, pinhole = self._buffers, pinhole_of(self.setup.camera, side)
-        place = first_chunk, first_actor, pinhole, n.bins
-        raster_passes.raster_binned(self.setup.g, n.vertices, n.chunk_visible, *place, keys, self.device)
+        g, n, pinhole = self.setup.g, self._buffers, pinhole_of(self.setup.camera, side)
+        raster_passes.raster_binned(
+            g, n.vertices, n.chunk_visible, first_chunk, first_actor, pinhole, n.bins, keys, self.device
+        )
 
     def _sample(self) -> None:
-        setup, n, device = self.setup, self._buffers, self.device
-        camera, side = setup.camera, setup.side
+        n, scene, cursor, device = self._buffers, self._scene, self._r["cursor"], self.device
+        tiles, camera, side, capacity = self.setup.tiles, self.setup.camera, self.setup.side, self.capacity
         if side == 2:
             self._raster(n.fine, 2)
-        keys = setup.tiles, n.coarse, n.fine
-        pixels = n.groups, n.starts
-        sample_passes.count_samples(*keys, camera, side, self._scene, self._no_static, *pixels, n.counts, device)
-        slots = n.counts, n.wanted, n.stretches, self._r["cursor"], n.firsts
-        sample_passes.assign_slots(setup.tiles, camera, side, self.capacity, *slots, device)
+        sample_passes.count_samples(
+            tiles, n.coarse, n.fine, camera, side, scene, self._no_static, n.groups, n.starts, n.counts, device
+        )
+        sample_passes.assign_slots(
+            tiles, camera, side, capacity, n.counts, n.wanted, n.stretches, cursor, n.firsts, device
+        )
         n.columns.pixels.fill_(-1)
         n.columns.tiles.fill_(-1)
         sample_passes.emit_samples(
-            *keys, n.counts, n.firsts, camera, side, self._scene, n.groups, n.starts, n.columns, device
+            tiles, n.coarse, n.fine, n.counts, n.firsts, camera, side, scene, n.groups, n.starts, n.columns, device
         )
-        sample_passes.evaluate_samples(0, self.capacity, camera, self._scene, n.columns, device)
+        sample_passes.evaluate_samples(0, capacity, camera, scene, n.columns, device)
 
     def _draw_shadows(self) -> None:
         g, n, world, device = self.setup.g, self._buffers, self._b["world_from_part"], self.device
@@ -255,10 +257,10 @@ class RecordedFrame:
                 shadow_map.draw(beam, n.world_vertices, world, first, g.chunk_count - first)
 
     def _list_lights(self) -> None:
-        b, n = self._b, self._buffers
-        for burn, lists in n.lists.items():
-            place = self.setup.camera, b["world_from_view"], b["view_from_part"]
-            light_passes.list_lights(n.coarse, *place, self._lamps[burn], self._bodies, lists, self.device)
+        back, view = self._b["world_from_view"], self._b["view_from_part"]
+        keys, camera = self._buffers.coarse, self.setup.camera
+        for burn, lists in self._buffers.lists.items():
+            light_passes.list_lights(keys, camera, back, view, self._lamps[burn], self._bodies, lists, self.device)
 
     def _shade(self, v: int, look: ShadedAppearance) -> None:
         """Return the light of all samples in an appearance."""
@@ -267,13 +269,14 @@ class RecordedFrame:
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else self.setup.no_shadows
         colours, patches, lamps = look.colours, look.patches, self._lamps[burn]
         sources = light_passes.ShadingInputs(colours, patches, air, beams, lamps, self._bodies, n.lists[burn])
-        earlier = self._no_previous, self._all
-        light_passes.shade_samples(self.capacity, samples, sources, *earlier, light, device)
+        previous, every = self._no_previous, self._all
+        light_passes.shade_samples(self.capacity, samples, sources, previous, every, light, device)
         if look.light.wet:
             view = light_passes.ReflectionView(self.setup.camera, self._labels.depth, n.starts, b["view_from_part"])
-            light_passes.trace_rays(samples, light.mirror, view, self._no_previous, n.no_motion, n.rays, device)
-            frame = samples, air, view, n.rays
-            light_passes.reflect(self.capacity, *frame, *earlier, light, n.no_sources, device)
+            light_passes.trace_rays(samples, light.mirror, view, previous, n.no_motion, n.rays, device)
+            light_passes.reflect(
+                self.capacity, samples, air, view, n.rays, previous, every, light, n.no_sources, device
+            )
 
     def _develop(self, v: int, look: ShadedAppearance) -> None:
         """Write the picture of an appearance."""
@@ -283,7 +286,7 @@ class RecordedFrame:
             cover.zero_()
             drops, view = drop_count(look.light), b["view_from_part"]
             camera_passes.draw_rain(drops, b[f"rain {v}"], self._labels.depth, view, camera, cover, self.device)
-        by_pixel = n.starts, n.groups, n.columns.weights
-        exposed = Exposed(n.light(look.light.wet).shown, *by_pixel, cover, streak_radiance(look.light))
+        light, streak = n.light(look.light.wet).shown, streak_radiance(look.light)
+        exposed = Exposed(light, n.starts, n.groups, n.columns.weights, cover, streak)
         response, levels, out = b[f"response {v}"], n.no_levels, self._r[f"rgb {v}"]
         camera_passes.develop_pixels(exposed, camera, response, look.tables, 0, levels, out, self.device)

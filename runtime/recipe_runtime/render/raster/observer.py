@@ -20,6 +20,7 @@ from recipe_compiler.ir.plan import CameraPlan
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import label_kernels, passes
@@ -27,8 +28,13 @@ from recipe_runtime.render.raster.distortion import apply_distortion, undistorte
 from recipe_runtime.render.raster.observation import Observation, objects_of
 from recipe_runtime.render.raster.passes import Labels
 from recipe_runtime.render.raster.surfaces import VisibleSurfaces
+from recipe_runtime.render.raster.visibility_kernels import (
+    raster_actor_bits,
+    raster_keys,
+    transform_visible_vertices,
+)
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
-from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.scene.geometry import CHUNK, Geometry
 
 _POSE_CACHE_SIZE = 4  # 10 MB each at 800 x 600
 _VERTEX_POOL_SIZE = 3  # arrays of vertices kept for a pose
@@ -94,10 +100,21 @@ class Observer:
             depth, instance, semantic = (a.numpy().reshape(shape) for a in labels)
         with self._timings("amodal"):
             amodal = self._amodal(camera, vertices, chunks, touched)
-        objects = objects_of(self._g, visible, amodal, projected)
-        surfaces = VisibleSurfaces(self._g, camera, keys, vertices, matrices, self._device)
-        seen = camera, world_from_sensor, parts, keys, vertices, chunks, pose, touched, surfaces
-        made = Observation(depth, instance, semantic, objects, *seen)
+        made = Observation(
+            depth,
+            instance,
+            semantic,
+            objects_of(self._g, visible, amodal, projected),
+            camera,
+            world_from_sensor,
+            parts,
+            keys,
+            vertices,
+            seen=chunks,
+            pose=pose,
+            touched=touched,
+            surfaces=VisibleSurfaces(self._g, camera, keys, vertices, matrices, self._device),
+        )
         if still is not None:
             weakref.finalize(made, still.give_back, vertices).atexit = False
         return made
@@ -109,7 +126,7 @@ class Observer:
         with self._timings(f"visibility x{side}"):
             keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
             count = self._g.static_chunks if still else self._g.chunk_count
-            passes.raster_keys(self._g, vertices, seen, range(count), pinhole_of(camera, side), keys, self._device)
+            self._raster(camera, vertices, seen, range(count), side, keys)
             return keys
 
     def draw_moving(
@@ -118,7 +135,29 @@ class Observer:
         """Rasterise the moving parts into keys of the static scene."""
         with self._timings(f"visibility x{side}"):
             moving = range(self._g.static_chunks, self._g.chunk_count)
-            passes.raster_keys(self._g, vertices, seen, moving, pinhole_of(camera, side), keys, self._device)
+            self._raster(camera, vertices, seen, moving, side, keys)
+
+    def _raster(
+        self,
+        camera: CameraPlan,
+        vertices: DeviceArray,
+        seen: DeviceArray,
+        chunks: range,
+        side: int,
+        keys: DeviceArray,
+    ) -> None:
+        """Rasterise a range of chunks into the keys."""
+        launch(
+            raster_keys,
+            len(chunks) * CHUNK,
+            self._device,
+            **fields_of(self._g, "triangles", "chunks"),
+            vertices=vertices,
+            chunk_visible=seen,
+            first_chunk=chunks.start,
+            pinhole=pinhole_of(camera, side),
+            out_keys=keys,
+        )
 
     def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _StaticView | None:
         """Return the static view of a pose; None at the first frame from a pose, which may not occur again."""
@@ -160,7 +199,15 @@ class Observer:
             out, first = wp.empty(g.vertex_count, dtype=wp.vec3f, device=self._device), 0
         if still is None and self._device == "cpu" and g.static_vertices:
             first = g.static_vertices
-            passes.transform_visible_vertices(g, transforms, chunks, out, self._device)
+            launch(
+                transform_visible_vertices,
+                g.static_chunks,
+                self._device,
+                **fields_of(g, "vertices", "chunks", "chunk_vertices"),
+                chunk_visible=chunks,
+                transforms=transforms,
+                out_vertices=out,
+            )
         passes.transform_vertices(g, transforms, first, out, self._device)
         return out
 
@@ -180,7 +227,18 @@ class Observer:
         g, undistorted, extents = self._g, undistorted_camera(camera), self._extents()
         for first in range(0, len(g.actors) if len(tiles) else 0, passes.ACTORS_PER_WORD):
             bits = wp.zeros(undistorted.width * undistorted.height, dtype=wp.uint64, device=self._device)
-            passes.raster_actor_bits(g, vertices, seen, first, pinhole_of(undistorted, 1), bits, self._device)
+            launch(
+                raster_actor_bits,
+                (g.chunk_count - g.static_chunks) * CHUNK,
+                self._device,
+                **fields_of(g, "triangles", "triangle_surface", "surface_actor", "chunks"),
+                vertices=vertices,
+                chunk_visible=seen,
+                first_chunk=g.static_chunks,
+                first_actor=first,
+                pinhole=pinhole_of(undistorted, 1),
+                out_bits=bits,
+            )
             bits = apply_distortion(bits, camera, self._device)
             passes.count_amodal(g, self._tiles(tiles), bits, first, camera, extents, self._device)
         rows: NDArray[np.int32] = extents.numpy()

@@ -1,4 +1,4 @@
-"""The passes from vertices to labels, each a launch of one kernel. Observer and RecordedFrame both run these.
+"""The passes from vertices to labels that Observer and RecordedFrame both run, and `raster_binned` of the latter.
 
 Arguments: `g` is the geometry of the scene, `transforms` float32 [1 + P, 12] lead from the world and each moving part
 to view space, `tiles` int32 [N] are encoded as `label_kernels.pixel_at` reads them, `keys` uint64 [H * W * side^2] are
@@ -14,7 +14,7 @@ import numpy as np
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.device.arrays import DeviceArray
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import bin_kernels, label_kernels, visibility_kernels
 from recipe_runtime.render.raster.distortion import distortion_of
@@ -74,29 +74,11 @@ def transform_vertices(
             visibility_kernels.transform_vertices,
             g.vertex_count - first_vertex,
             device,
-            vertices=g.vertices,
-            vertex_part=g.vertex_part,
+            **fields_of(g, "vertices", "vertex_part"),
             transforms=transforms,
             first_vertex=first_vertex,
             out_vertices=out_vertices,
         )
-
-
-def transform_visible_vertices(
-    g: Geometry, transforms: DeviceArray, chunk_visible: DeviceArray, out_vertices: DeviceArray, device: str
-) -> None:
-    """Transform the static vertices of visible chunks."""
-    launch(
-        visibility_kernels.transform_visible_vertices,
-        g.static_chunks,
-        device,
-        vertices=g.vertices,
-        chunks=g.chunks,
-        chunk_vertices=g.chunk_vertices,
-        chunk_visible=chunk_visible,
-        transforms=transforms,
-        out_vertices=out_vertices,
-    )
 
 
 def cull_chunks(
@@ -108,65 +90,11 @@ def cull_chunks(
             visibility_kernels.cull_chunks,
             g.chunk_count,
             device,
-            chunks=g.chunks,
-            chunk_centres=g.chunk_centres,
-            chunk_halves=g.chunk_halves,
+            **fields_of(g, "chunks", "chunk_centres", "chunk_halves"),
             transforms=transforms,
             pinhole=pinhole_of(camera, 1),
             out_visible=out_visible,
         )
-
-
-def raster_keys(
-    g: Geometry,
-    vertices: DeviceArray,
-    chunk_visible: DeviceArray,
-    chunks: range,
-    pinhole: Pinhole,
-    out_keys: DeviceArray,
-    device: str,
-) -> None:
-    """Rasterise a range of chunks into the keys."""
-    if len(chunks):
-        launch(
-            visibility_kernels.raster_keys,
-            len(chunks) * CHUNK,
-            device,
-            vertices=vertices,
-            triangles=g.triangles,
-            chunks=g.chunks,
-            chunk_visible=chunk_visible,
-            first_chunk=chunks.start,
-            pinhole=pinhole,
-            out_keys=out_keys,
-        )
-
-
-def raster_actor_bits(
-    g: Geometry,
-    vertices: DeviceArray,
-    chunk_visible: DeviceArray,
-    first_actor: int,
-    pinhole: Pinhole,
-    out_bits: DeviceArray,
-    device: str,
-) -> None:
-    """Set the bits of up to 64 actors where each would be visible without occlusion."""
-    launch(
-        visibility_kernels.raster_actor_bits,
-        (g.chunk_count - g.static_chunks) * CHUNK,
-        device,
-        vertices=vertices,
-        triangles=g.triangles,
-        triangle_surface=g.triangle_surface,
-        surface_actor=g.surface_actor,
-        chunks=g.chunks,
-        chunk_visible=chunk_visible,
-        first_chunk=g.static_chunks,
-        first_actor=first_actor,
-        pinhole=pinhole,
-        out_bits=out_bits,
-    )
 
 
 def raster_binned(
@@ -184,10 +112,8 @@ def raster_binned(
     out_keys.zero_()
     buffers.count.zero_()
     shared = {
+        **fields_of(g, "triangles", "triangle_surface", "surface_actor"),
         "vertices": vertices,
-        "triangles": g.triangles,
-        "triangle_surface": g.triangle_surface,
-        "surface_actor": g.surface_actor,
         "first_actor": first_actor,
         "pinhole": pinhole,
         "out_keys": out_keys,
@@ -224,14 +150,9 @@ def label_pixels(
             device,
             tile_corners=tiles,
             keys=keys,
-            triangle_surface=g.triangle_surface,
-            surface_actor=g.surface_actor,
-            surface_instance=g.surface_instance,
-            surface_tag=g.surface_tag,
+            **fields_of(g, "triangle_surface", "surface_actor", "surface_instance", "surface_tag"),
             pinhole=pinhole_of(camera, 1),
-            out_depth=out_labels.depth,
-            out_instance=out_labels.instance,
-            out_semantic=out_labels.semantic,
+            **fields_of(out_labels, *Labels._fields, prefix="out_"),
             out_extents=out_extents,
         )
 
@@ -277,9 +198,7 @@ def project_boxes(
             g.triangle_count - g.static_triangles,
             device,
             vertices=vertices,
-            triangles=g.triangles,
-            vertex_part=g.vertex_part,
-            part_extent=g.part_extent,
+            **fields_of(g, "triangles", "vertex_part", "part_extent"),
             first_triangle=g.static_triangles,
             pinhole=pinhole_of(camera, 1),
             distortion=distortion_of(camera),

@@ -245,8 +245,9 @@ class Sampler:
             columns = SampleColumns(count + room, self._device) if base is None else self._with_capacity(base, count)
             if count > first:
                 firsts: wp.array[wp.int32] = wp.array(ends - found, dtype=wp.int32, device=self._device)
-                keys, pixels = (corners, coarse, fine), (groups, starts)
-                passes.emit_samples(*keys, counts, firsts, camera, side, scene, *pixels, columns, self._device)
+                passes.emit_samples(
+                    corners, coarse, fine, counts, firsts, camera, side, scene, groups, starts, columns, self._device
+                )
         return columns, count
 
     def _with_capacity(self, base: StaticBase, count: int) -> SampleColumns:
