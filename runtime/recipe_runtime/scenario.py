@@ -239,7 +239,7 @@ class Scenario(Sequence[Frame]):
 
         Raises:
             InputError: There is no such sensor, it does not capture the modality or take the frame, there is no such
-                patch, a texture is not an image or has floats outside 0 to 1, or more memory is needed than there is.
+                patch, or a texture is not an image or has floats outside 0 to 1.
             IndexError: There is no such frame.
         """
         plan = self._sensor(sensor)
@@ -298,8 +298,7 @@ class Scenario(Sequence[Frame]):
 
         Raises:
             InputError: There is no such sensor or patch, the patch has no image and no size is given, its mode is
-                `color_transfer`, it is rendered in a picture into which other patches are inserted, or the view needs
-                more memory than there is.
+                `color_transfer`, or it is rendered in a picture into which other patches are inserted.
             IndexError: There is no such frame.
         """
         from recipe_runtime.attacks.patch_view import patch_view

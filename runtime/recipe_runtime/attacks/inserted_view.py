@@ -16,7 +16,7 @@ from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import Texture, Values, as_image
 from recipe_runtime.insertion.inserter import InsertedPixels
 from recipe_runtime.insertion.warp import neighbours
-from recipe_runtime.render.retexture.sparse import EntryCount, RowMatrix, SparseProduct, row_matrix
+from recipe_runtime.render.retexture.sparse import RowMatrix, SparseProduct, row_matrix
 
 
 class InsertedView(TextureView):
@@ -61,8 +61,6 @@ def _matrices(pixels: InsertedPixels, width: int, height: int) -> tuple[RowMatri
     """Return R and W for textures of a size."""
     wide, high = pixels.reduced_size(width, height)
     u, v = pixels.places()
-    overlaps = (wide * (-(-width // wide) + 1)) * (high * (-(-height // high) + 1))
-    EntryCount("use a smaller texture or picture").add(4 * len(pixels.rows) + overlaps)
     (x0, x1, fx), (y0, y1, fy) = neighbours(u, wide), neighbours(v, high)
     columns = np.stack([y0 * wide + x0, y0 * wide + x1, y1 * wide + x0, y1 * wide + x1], axis=1)
     weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=1)

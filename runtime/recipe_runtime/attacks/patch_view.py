@@ -28,14 +28,12 @@ from recipe_runtime.attacks.pixel_light import LensLight, PixelLight
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
 from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import Texture, Values, as_image, check_shape, check_size
-from recipe_runtime.core.host import check_memory
 from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import mip_levels
 
 _SAMPLE_BYTES, _TEXEL_BYTES = 150, 16  # of memory, per sample and per texel
-_GRADIENT_BYTES = 450  # of memory, per texel while a gradient is computed
 
 
 class PatchView(TextureView):
@@ -119,8 +117,7 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
         size: Height and width of textures; None for those of the recipe's image.
 
     Raises:
-        InputError: No size is given and the patch has no image, the size is no pair or too large, or the view needs
-            more memory than there is.
+        InputError: No size is given and the patch has no image, or the size is no pair or is too large.
     """
     name = patch.name
     if size is None:
@@ -132,8 +129,6 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
         raise InputError(f"patch {name}: the size of its texture is {size!r}; give height and width")
     check_size(name, size[1], size[0])
     size = int(size[0]), int(size[1])  # products of NumPy's integers overflow
-    what = f"the gradient of a texture of {size[1]} x {size[0]} texels"
-    check_memory(_GRADIENT_BYTES * size[0] * size[1], what, "use a smaller texture")
     if patch.inserted:
         return InsertedView(frame, name, size[1], size[0])
     return PatchView(frame.scene, name, size[1], size[0], frame.exclusive)

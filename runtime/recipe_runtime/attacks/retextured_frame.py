@@ -8,12 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir import optics
 from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.plan import AppearancePlan, SensorPlan
-from recipe_compiler.ir.plurals import count
 
-from recipe_runtime.core.host import check_memory
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.frames.source import SceneSource
@@ -23,7 +20,6 @@ if TYPE_CHECKING:
     from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 
 Pixels = NDArray[np.uint8]
-_SAMPLE_BYTES = 80  # of memory, per sample of a frame while it is recorded
 
 
 class RetexturedFrame:
@@ -112,24 +108,9 @@ class _Recorder:
     maps: dict[str, Pixels] = field(default_factory=dict)
 
     def picture(self, appearance: AppearancePlan) -> Pixels:
-        self._check_memory(appearance)
         frame = self.source.patched_frame(self.seen, appearance, self.sensor, self.frame)
         self.frames[appearance.digest] = frame
         return frame.render({})
-
-    def _check_memory(self, appearance: AppearancePlan) -> None:
-        """Raise InputError if one more recorded frame needs more memory than there is.
-
-        A frame with a chart has about as many patched samples as the frame without it, which is recorded first.
-        """
-        response = appearance.responses.get(self.sensor.name)
-        width, height, _ = optics.undistorted_size(self.sensor.camera, response.supersample if response else 1)
-        kept = [frame.memory for frame in self.frames.values()]
-        check_memory(
-            sum(kept) + max(_SAMPLE_BYTES * width * height, *kept, 0),
-            f"frame {self.frame} of {self.sensor.name}, kept for other textures in {count(len(kept) + 1, 'picture')},",
-            "use a smaller picture, or fewer patches whose transform needs a colour chart",
-        )
 
     def patch_map(self, appearance: AppearancePlan) -> Pixels:
         shown = self.source.patch_map(self.seen, appearance, self.frame).copy()

@@ -10,11 +10,6 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.assets.png import MAX_PIXELS, MAX_SIDE
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.patches import PatchPlan
-from recipe_compiler.ir.plurals import count
-
-from recipe_runtime.core.host import check_memory
-
-_TEXEL_BYTES = 100  # of memory, per texel while textures are converted and their mip levels are made
 
 Values = NDArray[np.float64]
 Texture = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.float64]
@@ -64,15 +59,12 @@ def as_images(patches: tuple[PatchPlan, ...], textures: Mapping[str, object]) ->
     """Return textures by the name of their patch, uint8 [h, w, 3] sRGB; see `as_array` for what is accepted.
 
     Raises:
-        InputError: The textures are no mapping, a patch does not exist or its mode is `green`, a texture is not an
-            image or has floats outside 0 to 1, or the textures need more memory than there is.
+        InputError: The textures are no mapping, a patch does not exist or its mode is `green`, or a texture is not an
+            image or has floats outside 0 to 1.
     """
     if not isinstance(textures, Mapping):
         raise InputError(f"the textures are a {type(textures).__name__}; give a dictionary from names of patches")
-    found = {textured_patch(patches, name).name: as_array(name, texture) for name, texture in textures.items()}
-    texels = sum(array.shape[0] * array.shape[1] for array in found.values())
-    check_memory(_TEXEL_BYTES * texels, f"{count(len(found), 'texture')} of {texels:,} texels", "use smaller textures")
-    return {name: as_image(name, array) for name, array in found.items()}
+    return {textured_patch(patches, name).name: as_image(name, texture) for name, texture in textures.items()}
 
 
 def as_image(name: str, texture: object) -> NDArray[np.uint8]:

@@ -13,8 +13,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from recipe_compiler.ir.errors import Code, InputError
-
 REQUIRED_CPU_FEATURE = "AVX"  # Warp's machine code uses it even for the generic x86-64 target
 _UNLIMITED = 1 << 60  # control groups version 1 write a very large number for "no limit"
 
@@ -68,27 +66,6 @@ def process_memory_limit() -> int | None:
     """Return the limit of one process' address space in bytes (RLIMIT_AS), or None if there is none."""
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     return None if soft == resource.RLIM_INFINITY else soft
-
-
-def check_memory(needed: int, what: str, help: str) -> None:
-    """Check that this process may use an amount of memory.
-
-    Args:
-        needed: The estimate, bytes.
-        what: What takes it, for the message.
-        help: The remedy.
-
-    Raises:
-        InputError: It is more than this host has, or than a process may have.
-    """
-    limit = process_memory_limit()
-    room = min(total_memory(), total_memory() if limit is None else limit)
-    if needed > room:
-        raise InputError(
-            f"{what} takes about {needed / 2**30:.2f} GiB of memory, over the {room / 2**30:.2f} GiB of this host",
-            help=help,
-            code=Code.OUT_OF_MEMORY,
-        )
 
 
 def _group_limits(root: Path) -> Iterator[int]:

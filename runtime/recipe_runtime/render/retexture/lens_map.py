@@ -26,7 +26,7 @@ from recipe_runtime.render.retexture.lens_map_kernels import (
     record_moments,
     record_samples,
 )
-from recipe_runtime.render.retexture.sparse import EntryCount, RowMatrix, Values, row_matrix
+from recipe_runtime.render.retexture.sparse import RowMatrix, Values, row_matrix
 
 Numbers = NDArray[np.int32]
 
@@ -74,11 +74,7 @@ def lens_map(post: PostProcess, frame: LensFrame, hdr_image: DeviceArray, change
         hdr_image: The HDR image with the texture of the recipe, vec3f.
         changed: Indices of the pixels in it that change, ascending.
         device: The device of the arrays.
-
-    Raises:
-        InputError: The matrices need more memory than there is.
     """
-    entries = EntryCount("use a smaller picture, a smaller patch, or a camera with fewer lens effects")
     camera, response = frame.undistorted_camera, frame.response
     motion = post.motion(frame.undistorted, response, frame.neighbour)
     marked = np.zeros((hdr_image.size, 3), np.float32)
@@ -86,17 +82,13 @@ def lens_map(post: PostProcess, frame: LensFrame, hdr_image: DeviceArray, change
     on_device: DeviceArray = wp.array(marked, dtype=wp.vec3f, device=device)
     marks, spread_marks = post.spread_light(on_device, camera, response, motion)
     blurred = np.flatnonzero(marks.numpy()[:, 0]).astype(np.int32)
-    blur = None if motion is None else _blur(motion, changed, blurred, entries, device)
+    blur = None if motion is None else _blur(motion, changed, blurred, device)
     lens = lens_arguments(frame.seen.camera, camera, response)
     out_marks = wp.empty(frame.seen.camera.width * frame.seen.camera.height, dtype=wp.uint8, device=device)
     launch(mark_pixels, out_marks.size, device, marks=marks, spread=spread_marks, out_marks=out_marks, **lens)
     pixels = np.flatnonzero(out_marks.numpy()).astype(np.int32)
-    channels = 3 if response.chromatic_aberration_intensity > 0.0 else 1
-    taps = 8 if response.bloom_intensity > 0.0 else 4
-    fine = lens["distortion"].fine
-    entries.add(len(pixels) * fine * fine * channels * taps)
     light, gains, points = _samples(post, frame, hdr_image, motion, pixels, device)
-    matrices, cells = _bloom(blurred, camera, entries) if response.bloom_intensity > 0.0 else ((), blurred[:0])
+    matrices, cells = _bloom(blurred, camera) if response.bloom_intensity > 0.0 else ((), blurred[:0])
     share = float(np.float32(bloom.SHARE * response.bloom_intensity))
     return LensMap(
         pixels=pixels,
@@ -145,7 +137,7 @@ def _samples(
     return out_light.numpy(), out_gains.numpy(), out_points.numpy().reshape(count, channels, 2)
 
 
-def _blur(motion: ScreenMotion, changed: Numbers, blurred: Numbers, entries: EntryCount, device: str) -> RowMatrix:
+def _blur(motion: ScreenMotion, changed: Numbers, blurred: Numbers, device: str) -> RowMatrix:
     """Return the matrix from changed pixels to motion-blurred pixels: the mean over the moments of the exposure."""
     listed: DeviceArray = wp.array(blurred, dtype=wp.int32, device=device)
     counts = wp.empty(len(blurred), dtype=wp.int32, device=device)
@@ -153,7 +145,6 @@ def _blur(motion: ScreenMotion, changed: Numbers, blurred: Numbers, entries: Ent
     shared = {"listed": listed, "longest": fields["longest"], "shutter": fields["shutter"]}
     launch(count_moments, len(blurred), device, out_counts=counts, **shared)
     moments = counts.numpy()
-    entries.add(int(moments.sum(dtype=np.int64)) + len(moments))
     firsts = np.cumsum([0, *moments]).astype(np.int32)
     out_shown = wp.empty(int(firsts[-1]), dtype=wp.int32, device=device)
     on_device: DeviceArray = wp.array(firsts, dtype=wp.int32, device=device)
@@ -166,24 +157,23 @@ def _blur(motion: ScreenMotion, changed: Numbers, blurred: Numbers, entries: Ent
     return _matrix(rows, column_of[sources], weights, (len(blurred), len(changed)))
 
 
-def _bloom(pixels: Numbers, camera: CameraPlan, entries: EntryCount) -> tuple[tuple[RowMatrix, ...], Numbers]:
+def _bloom(pixels: Numbers, camera: CameraPlan) -> tuple[tuple[RowMatrix, ...], Numbers]:
     """Return the three matrices from pixels of the HDR image to the bloom image, and the pixels of it that change."""
     side = bloom.side_of(camera)
     wide, high = -(-camera.width // side), -(-camera.height // side)
     cell = pixels // camera.width // side * wide + pixels % camera.width // side
     cells = np.unique(cell)
-    entries.add(len(pixels))
     across = np.minimum(side, camera.width - cells % wide * side)
     down = np.minimum(side, camera.height - cells // wide * side)
     row = np.searchsorted(cells, cell)
     order = np.argsort(row, kind="stable")
     means = _matrix(row[order], order, (1.0 / (across * down))[row[order]], (len(cells), len(pixels)))
-    rows, cells = _bell_blur(cells, wide, high, 1, entries)
-    columns, cells = _bell_blur(cells, wide, high, 0, entries)
+    rows, cells = _bell_blur(cells, wide, high, 1)
+    columns, cells = _bell_blur(cells, wide, high, 0)
     return (means, rows, columns), cells.astype(np.int32)
 
 
-def _bell_blur(cells: Numbers, wide: int, high: int, across: int, entries: EntryCount) -> tuple[RowMatrix, Numbers]:
+def _bell_blur(cells: Numbers, wide: int, high: int, across: int) -> tuple[RowMatrix, Numbers]:
     """Return the blur of an image that is 0 except at some pixels, and the pixels where the result is not 0.
 
     Args:
@@ -191,12 +181,10 @@ def _bell_blur(cells: Numbers, wide: int, high: int, across: int, entries: Entry
         wide: Width of the image.
         high: Height of the image; pixels are clamped to its border.
         across: 1 to blur along rows, 0 along columns.
-        entries: Counts the entries of the matrix.
     """
     weights = bloom.bell().astype(np.float64)
     steps = np.arange(len(weights)) - len(weights) // 2
     lines = np.unique(cells // wide if across else cells % wide)
-    entries.add(len(lines) * (wide if across else high) * len(weights))
     if across:
         places = (lines[:, None] * wide + np.arange(wide)).reshape(-1)
     else:

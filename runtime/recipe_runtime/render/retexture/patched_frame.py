@@ -31,7 +31,7 @@ from recipe_runtime.render.retexture.relight_kernels import (
     pixel_deviates,
     relight,
 )
-from recipe_runtime.render.retexture.sparse import EntryCount, RowMatrix, row_matrix
+from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]
@@ -185,9 +185,6 @@ class PatchedFrame:
         Returns:
             A matrix [K, texels]. Rows are `PatchRows.samples`; columns are the texels of all mip levels, finest first,
             row by row.
-
-        Raises:
-            InputError: The matrix needs more memory than there is.
         """
         of_patch = np.flatnonzero(self.recording.patches == self._number(patch))
         levels = mip_levels(np.zeros((height, width, 3), np.uint8))
@@ -200,7 +197,6 @@ class PatchedFrame:
         counts = wp.empty(count, dtype=wp.int32, device=self.device)
         launch(count_taps, count, self.device, album=album, places=places, codes=codes, out_counts=counts)
         taps = counts.numpy()
-        EntryCount("use a smaller picture, or a smaller patch").add(int(taps.sum(dtype=np.int64)))
         firsts = np.cumsum([0, *taps]).astype(np.int32)
         out_texels = wp.empty(int(firsts[-1]), dtype=wp.int32, device=self.device)
         weights = wp.empty(int(firsts[-1]), dtype=wp.float64, device=self.device)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recipe_runtime.core.host import check_memory
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
@@ -15,19 +14,6 @@ from recipe_runtime.render.retexture.relight_kernels import multiply_rows
 
 Values = NDArray[np.float64]
 _ENTRY_BYTES = 12  # column and weight
-_MAKING_BYTES = 64  # of an entry with its transpose, while they are made
-
-
-class EntryCount:
-    """Counts the entries of the matrices of a view before they are made, and checks that they fit into memory."""
-
-    def __init__(self, help: str) -> None:
-        self._help, self._entries = help, 0
-
-    def add(self, entries: int) -> None:
-        """Add the entries of a matrix; InputError if all of them need more memory than there is."""
-        self._entries += entries
-        check_memory(_MAKING_BYTES * self._entries, "the gradient of this patch", self._help)
 
 
 @dataclass(frozen=True, eq=False)
