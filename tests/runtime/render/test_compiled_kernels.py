@@ -86,19 +86,12 @@ def _flip(folder: Path) -> None:
     _object(folder).write_bytes(body)
 
 
-def _to_link(folder: Path) -> None:
-    _object(folder).rename(folder.parent / "aside")
-    _object_name = next(line.split("  ")[1] for line in next(folder.glob("*.sha256")).read_text().splitlines())
-    (folder / _object_name).symlink_to(folder.parent / "aside")
-
-
 DAMAGES: dict[str, Callable[[Path], object]] = {
     "empty files, as power loss leaves them": _empty,
     "an empty object": lambda folder: _object(folder).write_bytes(b""),
     "a truncated object": lambda folder: os.truncate(_object(folder), 100),
     "a bit of an object": _flip,
     "the metadata": lambda folder: next(folder.glob("*.meta")).write_text("{}"),
-    "a link": _to_link,
     "no object": lambda folder: _object(folder).unlink(),
     "no list of digests, as of an earlier version": lambda folder: next(folder.glob("*.sha256")).unlink(),
     "a list that cannot be read": lambda folder: next(folder.glob("*.sha256")).write_bytes(b"\xff\n"),
@@ -210,14 +203,3 @@ def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
     assert [child.returncode for child in children] == [0, 0], reported
     assert "".join(out for out, _ in reported) == "compiled\n"
     assert "".join(err for _, err in reported) == f"{FIRST}\n"
-
-
-@pytest.mark.slow
-def test_the_notice_goes_only_to_standard_error(tmp_path: Path) -> None:
-    code = "import logging; from recipe_runtime.render.device import compiled; from pathlib import Path\n"
-    code += f"compiled._discard(Path({str(tmp_path)!r}) / 'kernels' / '0.1.0-x86_64' / '1.19.0' / 'wp_a_0000000')"
-    (tmp_path / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_a_0000000").mkdir(parents=True)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == ""
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("compiled kernels in ") and line.endswith(NOTICE)
