@@ -30,7 +30,6 @@ ALLOWED_ADDRESSES = {
     "recipe_compiler/source/merge.py": "id() as a key: merged values, kept alive",
     "recipe_compiler/lowering/lower.py": "id() as a key: a lowered scene or rig, kept alive",
     "recipe_runtime/annotate/actor_boxes.py": "id() as a key: a body's shape, kept alive",
-    "recipe_runtime/meshes/town.py": "id() as a key: the cached town, kept alive",
     "recipe_runtime/meshes/smoothing.py": "id() as a key: a numbered surface, kept alive",
 }
 LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log2", "log10", "pow", "cbrt", "sinh",

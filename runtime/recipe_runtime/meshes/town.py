@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
 from recipe_compiler.ir.plan import Element, Pose, TownPlan
@@ -22,6 +21,7 @@ from recipe_runtime.meshes.signs import gantry, guardrail, sign, signal_lamps, t
 from recipe_runtime.meshes.towers import tower
 
 _KEPT_ELEMENTS = 1000  # 20 KB of vertices and triangles each
+_kept: dict[str, tuple[Body, ...]] = {}  # of the last town, by its digest
 
 _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "bench": bench,
@@ -63,25 +63,12 @@ def town_bodies(town: TownPlan) -> tuple[Body, ...]:
     """
     if len(town.elements) > _KEPT_ELEMENTS:
         return tuple(_body(element) for element in town.elements)
-    return _town_bodies(_ByDigest(town))
-
-
-@dataclass(frozen=True, eq=False)
-class _ByDigest:
-    """A town as a key: its hash and equality are those of its digest, which is computed once for each plan."""
-
-    town: TownPlan
-
-    def __hash__(self) -> int:
-        return hash(self.town.digest)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByDigest) and self.town.digest == other.town.digest
-
-
-@lru_cache(maxsize=1)
-def _town_bodies(key: _ByDigest) -> tuple[Body, ...]:
-    return tuple(_body(element) for element in key.town.elements)
+    bodies = _kept.get(town.digest)
+    if bodies is None:
+        bodies = tuple(_body(element) for element in town.elements)
+        _kept.clear()
+        _kept[town.digest] = bodies
+    return bodies
 
 
 def signal_bodies(town: TownPlan) -> tuple[Body, ...]:
