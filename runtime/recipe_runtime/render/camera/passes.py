@@ -41,7 +41,7 @@ class Tables:
     """The tables of a response, on the device."""
 
     gains: DeviceArray  # float32, of the vignette: by pixel, or by the squared distance from the centre
-    tone: DeviceArray  # uint8 by linear level
+    tone_table: DeviceArray  # uint8 by linear level
     deviates: DeviceArray  # float32, normal deviates of the noise
 
 
@@ -91,9 +91,7 @@ def develop_pixels(
         kept_samples=kept,
         out_stale=pixels.stale,
         out_levels=pixels.levels,
-        gains=tables.gains,
-        tone_table=tables.tone,
-        deviates=tables.deviates,
+        **fields_of(tables, "gains", "tone_table", "deviates"),
         pixels_per_thread=span,
         out_rgb=out_rgb,
     )

@@ -84,7 +84,7 @@ class PostProcess:
             **lens_arguments(obs.camera, undistorted.camera, response),
             response=r,
             lens_circle=tables.gains,
-            tone_table=tables.tone,
+            tone_table=tables.tone_table,
             deviates=tables.deviates,
             out_rgb=out,
         )

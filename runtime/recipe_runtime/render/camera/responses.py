@@ -46,7 +46,7 @@ class ResponseTables:
             circle = {"lens_circle": tables.gains}
             launch(vignette_gains, gains.size, self._device, responses=response_record, **circle, out_gains=gains)
             self._gains[key] = gains
-        return Tables(self._gains[key], tables.tone, tables.deviates)
+        return Tables(self._gains[key], tables.tone_table, tables.deviates)
 
 
 def response_of(response: CameraResponse, automatic: float, key: int, camera: CameraPlan) -> Response:

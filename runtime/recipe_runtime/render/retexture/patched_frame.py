@@ -16,7 +16,7 @@ from recipe_runtime.render.camera.develop_kernels import LEVELS
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.camera.post_process import needs_post_process
 from recipe_runtime.render.device.arrays import DeviceArray, copy_struct, set_fields, struct_array, struct_of
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.patches.patch_arrays import texture_of
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
@@ -152,9 +152,7 @@ class PatchedFrame:
                 listed=self.recording.listed,
                 shown=shown,
                 responses=struct_array([self._record], self.device),
-                gains=tables.gains,
-                tone_table=tables.tone,
-                deviates=tables.deviates,
+                **fields_of(tables, "gains", "tone_table", "deviates"),
                 out_rgb=out,
             )
 
@@ -249,7 +247,7 @@ class PatchedFrame:
             noise=float(r.noise),
             deviates=deviates.numpy()[: len(pixels)],
             encoded=exposure.encoded(int(LEVELS), self._response.gamma),
-            rounded=tables.tone.numpy(),
+            rounded=tables.tone_table.numpy(),
         )
 
     @property

@@ -119,17 +119,7 @@ class Sampler:
     def _without_base(self, obs: Observation, antialias: bool) -> FrameSamples:
         fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
         scene, groups, starts = self._scene(obs), self._pixels(obs), self._pixels(obs)
-        columns, count = self._emit(
-            obs,
-            scene,
-            antialias,
-            all_tiles(obs.camera),
-            obs.keys,
-            fine,
-            struct_array([StaticSamples()], self._device),
-            groups,
-            starts,
-        )
+        columns, count = self._emit(obs, scene, antialias, obs.keys, fine, groups, starts)
         self._evaluate(obs, scene, columns, 0, count)
         return FrameSamples(_data(obs, columns, scene), groups, starts, columns.weights, count, None)
 
@@ -142,16 +132,7 @@ class Sampler:
             still.fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2, still=True)
         still.groups, still.starts = self._pixels(obs), self._pixels(obs)
         columns, count = self._emit(
-            obs,
-            scene,
-            antialias,
-            all_tiles(obs.camera),
-            still.coarse,
-            still.fine,
-            struct_array([StaticSamples()], self._device),
-            still.groups,
-            still.starts,
-            room=room,
+            obs, scene, antialias, still.coarse, still.fine, still.groups, still.starts, room=room
         )
         self._evaluate(obs, scene, columns, 0, count)
         set_fields(still, available=1)
@@ -183,33 +164,21 @@ class Sampler:
 
     def _with_base(self, base: StaticBase, obs: Observation, antialias: bool) -> FrameSamples:
         """Return a frame's samples: those of the base, and new ones where moving objects are visible."""
-        scene, before = self._scene(obs), base.touched
+        scene = self._scene(obs)
         if antialias:
             with self._timings("restore samples"):
                 launch(
                     restore_keys,
-                    len(before) * int(label_kernels.TILE_PIXELS),
+                    len(base.touched) * int(label_kernels.TILE_PIXELS),
                     self._device,
-                    tile_corners=self._tiles(before),
+                    tile_corners=self._tiles(base.touched),
                     static_keys=base.still.fine,
                     pinhole=pinhole_of(obs.camera, 1),
                     out_fine=base.fine,
                 )
             self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
-        tiles = np.union1d(before, obs.touched).astype(np.int32)
-        columns, count = self._emit(
-            obs,
-            scene,
-            antialias,
-            tiles,
-            obs.keys,
-            fine,
-            struct_array([base.still], self._device),
-            base.groups,
-            base.starts,
-            base=base,
-        )
+        columns, count = self._emit(obs, scene, antialias, obs.keys, fine, base.groups, base.starts, base=base)
         self._evaluate(obs, scene, columns, base.count, count - base.count)
         points = FrameSamples(_data(obs, columns, scene), base.groups, base.starts, columns.weights, count, base)
         base.tenant, base.touched = points, obs.touched
@@ -220,19 +189,22 @@ class Sampler:
         obs: Observation,
         scene: DeviceArray,
         antialias: bool,
-        tiles: NDArray[np.int32],
         coarse: DeviceArray,
         fine: DeviceArray,
-        still: DeviceArray,
         groups: DeviceArray,
         starts: DeviceArray,
         room: int = 0,
         base: StaticBase | None = None,
     ) -> tuple[SampleColumns, int]:
-        """Emit the samples of the tiles; return their columns, with spare capacity, and the count of all samples."""
-        corners, side, camera = self._tiles(tiles), 2 if antialias else 1, obs.camera
-        size = len(tiles) * int(label_kernels.TILE_PIXELS)
-        first = 0 if base is None else base.count
+        """Emit samples, with a base those of the tiles in which objects move or moved, without one all.
+
+        Returns:
+            Their columns, with spare capacity, and the count of all samples.
+        """
+        side, camera, first = 2 if antialias else 1, obs.camera, 0 if base is None else base.count
+        tiles = all_tiles(camera) if base is None else np.union1d(base.touched, obs.touched).astype(np.int32)
+        corners, size = self._tiles(tiles), len(tiles) * int(label_kernels.TILE_PIXELS)
+        still = struct_array([StaticSamples() if base is None else base.still], self._device)
         counts = wp.empty(size, dtype=wp.int32, device=self._device)
         with self._timings("group samples"):
             passes.count_samples(
