@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -61,8 +61,8 @@ class Inserter:
     """
 
     def __init__(self, trace: Trace, load: Callable[[TexturePlan], Image]) -> None:
-        self._trace, self._load = trace, load
-        self._images: OrderedDict[str, Image] = OrderedDict()
+        self._trace = trace
+        self._image = lru_cache(_IMAGES)(lambda file: load(TexturePlan(file=file)))
 
     def picture(
         self,
@@ -132,12 +132,7 @@ class Inserter:
         if file is None:
             code = str(patch.texture.colour)
             return np.array([[[int(code[k : k + 2], 16) for k in (1, 3, 5)]]], np.uint8)
-        if file.sha256 not in self._images:
-            while len(self._images) >= _IMAGES:
-                self._images.popitem(last=False)
-            self._images[file.sha256] = self._load(TexturePlan(file=file))
-        self._images.move_to_end(file.sha256)
-        return self._images[file.sha256]
+        return self._image(file)
 
 
 def _chart(renderer: FrameRenderer, appearance: AppearancePlan, number: int) -> ChartPixels:

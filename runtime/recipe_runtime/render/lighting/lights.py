@@ -13,7 +13,7 @@ from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.scene.geometry import Geometry
-from recipe_runtime.render.shadows.lamp_shadow_maps import no_maps
+from recipe_runtime.render.shadows.lamp_shadow_maps import no_maps, uploaded
 from recipe_runtime.render.shadows.lamp_slots import LampSlots, assign_slots, shadow_column
 
 _CANDELA = 1.0 / 11000.0  # light of one candela on a white surface at one metre, in the scale of `Air`
@@ -44,8 +44,7 @@ def lamplight(geometry: Geometry, eye: Array) -> float:
 
 def lamps_at(geometry: Geometry, columns: Sequence[Array], maps: DeviceArray, device: str) -> Lamps:
     """Return the struct of the lamps of `lamp_columns`, with their shadow maps."""
-    uploaded = [_upload(c, kind, device) for c, kind in zip(columns, LAMP_KINDS, strict=True)]
-    return lamps_of(geometry, uploaded, maps, device)
+    return lamps_of(geometry, uploaded(columns, LAMP_KINDS, device), maps, device)
 
 
 def lamps_of(geometry: Geometry, columns: Sequence[Any], maps: DeviceArray, device: str) -> Lamps:
@@ -102,8 +101,8 @@ def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:
     """Return the moving parts that come within half a metre of the ground below their actor."""
     columns = body_columns(geometry, parts)
     near = columns[0][:, 2] < _NOWHERE
-    uploaded = [_upload(c[near] if near.any() else c[:1], k, device) for c, k in zip(columns, BODY_KINDS, strict=True)]
-    return bodies_of(uploaded, int(near.sum()))
+    kept = [column[near] if near.any() else column[:1] for column in columns]
+    return bodies_of(uploaded(kept, BODY_KINDS, device), int(near.sum()))
 
 
 def bodies_of(columns: Sequence[Any], count: int) -> Bodies:
@@ -168,7 +167,3 @@ def _extent(world: Array, half: NDArray[np.float64], x: Array, y: Array) -> Arra
     sides = [np.abs(world[..., 0, c] * x + world[..., 1, c] * y) * half[:, c] for c in range(3)]
     extent: Array = (sides[0] + sides[1]) + sides[2]
     return extent
-
-
-def _upload(values: Array, kind: Any, device: str) -> Any:
-    return wp.array(np.ascontiguousarray(values).astype(np.float32), dtype=kind, device=device)

@@ -87,7 +87,7 @@ class LampShadowMaps:
         """
         memory = self._spare.pop() if self._spare else MapMemory(SLOTS, self._device)
         memory.clear(self._device)
-        columns = [_upload(c, kind, self._device) for c, kind in zip(slots.columns, MAP_KINDS, strict=True)]
+        columns = uploaded(slots.columns, MAP_KINDS, self._device)
         static = struct_array(self.static_maps(slots), self._device)
         maps = struct_array([maps_of(columns, static, memory)], self._device)
         memory.draw(self._g, maps, world, range(self._g.static_chunks, self._g.chunk_count), self._device)
@@ -117,8 +117,8 @@ class LampShadowMaps:
 
     def _draw_static(self, columns: Sequence[Array]) -> StaticLampMap:
         device, memory = self._device, MapMemory(1, self._device)
-        uploaded = [_upload(c, kind, device) for c, kind in zip(columns, MAP_KINDS, strict=True)]
-        maps = struct_array([maps_of(uploaded, struct_array([self._no_static], device), memory)], device)
+        own = uploaded(columns, MAP_KINDS, device)
+        maps = struct_array([maps_of(own, struct_array([self._no_static], device), memory)], device)
         world = upload_transforms(world_from_parts(np.zeros((0, 3, 4))), device)
         memory.draw(self._g, maps, world, range(self._g.static_chunks), device)
         return memory.as_static()
@@ -148,5 +148,7 @@ def no_maps(device: str) -> DeviceArray:
     return struct_array([maps], device)
 
 
-def _upload(values: Array, kind: Any, device: str) -> Any:
-    return wp.array(np.ascontiguousarray(values).astype(np.float32), dtype=kind, device=device)
+def uploaded(columns: Sequence[Array], kinds: Sequence[Any], device: str) -> list[DeviceArray]:
+    """Return columns of numbers on a device, as float32; kinds are scalar or vector types of it."""
+    rows = ((np.ascontiguousarray(c).astype(np.float32), kind) for c, kind in zip(columns, kinds, strict=True))
+    return [wp.array(values, dtype=kind, device=device) for values, kind in rows]
