@@ -106,7 +106,8 @@ def _engines(assets: Assets) -> Engines:
     return Engines(plain.simulate, plain.actors, plain.renderer, assets)
 
 
-def _plan(tmp_path: Path) -> tuple[Compiled, DatasetPlan]:
+def _with_props() -> tuple[Compiled, DatasetPlan]:
+    """Return the recipe with props, and a small plan that has them."""
     compiled = compile_recipe(GOOD)
     scene = fakes.scene_plan(4).model_copy(update={"props": compiled.plan.variants[0].scene.props})
     plan = fakes.dataset_plan(4, 1)
@@ -114,12 +115,25 @@ def _plan(tmp_path: Path) -> tuple[Compiled, DatasetPlan]:
     return compiled, plan.model_copy(update={"variants": variants})
 
 
+def _mesh_prop() -> tuple[Assets, PropPlan]:
+    """Return the assets of the recipe, and its prop with a mesh."""
+    compiled = compile_recipe(GOOD)
+    return Assets(compiled.places), next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Compiled, DatasetPlan, Path]:
+    compiled, plan = _with_props()
+    folder, engines = tmp_path_factory.mktemp("props"), _engines(Assets(compiled.places))
+    build(plan, folder / "set", BuildOptions(workers=0, cache=folder / "cache", engines=engines))
+    return compiled, plan, folder / "set"
+
+
 @pytest.mark.slow
-def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None:
-    compiled, plan = _plan(tmp_path)
+def test_verification_without_the_assets_is_inconclusive(built: tuple[Compiled, DatasetPlan, Path]) -> None:
+    compiled, _, out = built
+    held, options = datasets.read(out), Options(nonce=1, count=3, workers=0)
     known = _engines(Assets(compiled.places))
-    build(plan, tmp_path / "set", BuildOptions(workers=0, cache=tmp_path / "cache", engines=known))
-    held, options = datasets.read(tmp_path / "set"), Options(nonce=1, count=3, workers=0)
     with_assets = verify(held.plan, held.lock, options, quiet, dataset=held, engines=known)
     without = verify(held.plan, held.lock, options, quiet, dataset=held, engines=_engines(Assets()))
     assert (with_assets.verdict, with_assets.bound.checked) == ("PASS", 3)
@@ -129,31 +143,23 @@ def test_verification_without_the_assets_is_inconclusive(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-def test_verification_with_a_damaged_asset_is_inconclusive(tmp_path: Path) -> None:
+def test_verification_with_a_damaged_asset_is_inconclusive(
+    built: tuple[Compiled, DatasetPlan, Path], tmp_path: Path
+) -> None:
     """It ended with an error, and reported no difference of other files of the dataset."""
-    compiled, plan = _plan(tmp_path)
-    build(
-        plan,
-        tmp_path / "set",
-        BuildOptions(workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places))),
-    )
+    compiled, _, out = built
     (tmp_path / "damaged").write_bytes(b"v 0 0 0\n")
     damaged = _engines(Assets(dict.fromkeys(compiled.places, tmp_path / "damaged")))
-    held, options = datasets.read(tmp_path / "set"), Options(nonce=1, count=3, workers=0)
+    held, options = datasets.read(out), Options(nonce=1, count=3, workers=0)
     report = verify(held.plan, held.lock, options, quiet, dataset=held, engines=damaged)
     assert (report.verdict, report.bound.checked) == ("INCONCLUSIVE", 0)
     assert "is no longer the file" in str(report.differences)
 
 
 @pytest.mark.slow
-def test_a_dataset_lists_its_assets(tmp_path: Path) -> None:
-    compiled, plan = _plan(tmp_path)
-    build(
-        plan,
-        tmp_path / "set",
-        BuildOptions(workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places))),
-    )
-    reported = json.dumps([json.loads(p.read_text()) for p in sorted((tmp_path / "set/plans").glob("*.json"))])
+def test_a_dataset_lists_its_assets(built: tuple[Compiled, DatasetPlan, Path]) -> None:
+    _, plan, out = built
+    reported = json.dumps([json.loads(p.read_text()) for p in sorted((out / "plans").glob("*.json"))])
     assert all(prop.mesh.sha256 in reported for prop in plan.variants[0].scene.props if prop.mesh)
     assert str(GOOD.parent) not in reported
 
@@ -177,8 +183,7 @@ def test_a_file_with_many_images_is_read_once(tmp_path: Path, monkeypatch: pytes
 
 
 def test_a_changed_asset_file_is_not_used(tmp_path: Path) -> None:
-    compiled = compile_recipe(GOOD)
-    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+    _, prop = _mesh_prop()
     assert prop.mesh is not None
     other = tmp_path / "other.obj"
     for content, words in ((b"v 0 0 0\n", "is no longer the file"), (b"x" * 100_000, "is no longer the file")):
@@ -207,11 +212,10 @@ def test_a_pack_contains_the_assets(tmp_path: Path) -> None:
         assert Assets(again.places).missing(again.plan.variants) is None
 
 
-def test_the_lockfile_has_a_row_for_every_asset(tmp_path: Path) -> None:
-    compiled, plan = _plan(tmp_path)
-    made = lock(
-        plan, "recipe.yaml", compiled.files, workers=0, progress=quiet, engines=_engines(Assets(compiled.places))
-    )
+def test_the_lockfile_has_a_row_for_every_asset() -> None:
+    compiled, plan = _with_props()
+    engines = _engines(Assets(compiled.places))
+    made = lock(plan, "recipe.yaml", compiled.files, workers=0, progress=quiet, engines=engines)
     rows = made.dumps().splitlines()
     for asset in compiled.assets:
         assert f"file {asset.path} {asset.file.sha256}" in rows
@@ -226,8 +230,8 @@ def test_the_lockfile_has_a_row_for_every_asset(tmp_path: Path) -> None:
         ({"mesh": {"sha256": "0" * 64, "bytes": 1 << 40, "kind": "obj"}}, r"scene\.props\.1\.mesh\.bytes"),
     ],
 )
-def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
-    _, plan = _plan(tmp_path)
+def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str) -> None:
+    _, plan = _with_props()
     variant = plan.variants[0].model_dump(mode="json")
     variant["scene"]["props"][1] |= changes
     with pytest.raises(ValidationError, match=words):
@@ -236,8 +240,7 @@ def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str, tmp_p
 
 def test_a_mesh_is_decoded_once_for_all_of_its_props(monkeypatch: pytest.MonkeyPatch) -> None:
     """A file of 500,000 triangles takes seconds to decode, and a scene may have 1,000 props."""
-    compiled = compile_recipe(GOOD)
-    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+    assets, prop = _mesh_prop()
     decoded: list[str] = []
     real = Assets.mesh
 
@@ -246,23 +249,21 @@ def test_a_mesh_is_decoded_once_for_all_of_its_props(monkeypatch: pytest.MonkeyP
         return real(self, prop)
 
     monkeypatch.setattr(Assets, "mesh", noted)
-    assert len(list(prop_bodies([prop] * 5, Assets(compiled.places)))) == 5
+    assert len(list(prop_bodies([prop] * 5, assets))) == 5
     assert len(decoded) == 1
 
 
 def test_the_triangles_of_an_untrusted_plan_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plan from a dataset may show one mesh of the dataset's recipe any number of times."""
-    compiled = compile_recipe(GOOD)
-    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
-    assets = Assets(compiled.places)
+    assets, prop = _mesh_prop()
     monkeypatch.setattr(props_module, "MAX_PROP_TRIANGLES", 3 * assets.mesh(prop).triangles)
     with pytest.raises(InputError, match="triangles of props up to here exceed the limit of"):
         list(prop_bodies([prop] * 9, assets))
     assert len(list(prop_bodies([prop] * 3, assets))) == 3
 
 
-def test_an_untrusted_plan_shows_at_most_as_many_images_of_a_file_as_a_mesh_has_materials(tmp_path: Path) -> None:
-    _, plan = _plan(tmp_path)
+def test_an_untrusted_plan_shows_at_most_as_many_images_of_a_file_as_a_mesh_has_materials() -> None:
+    _, plan = _with_props()
     file = {"sha256": "0" * 64, "bytes": 100, "kind": "glb"}
     for number, fits in ((64, True), (65, False)):
         variant = plan.variants[0].model_dump(mode="json")
@@ -275,8 +276,8 @@ def test_an_untrusted_plan_shows_at_most_as_many_images_of_a_file_as_a_mesh_has_
 
 
 @pytest.mark.parametrize("sha256", ["../../etc/passwd", "0" * 63, "Z" * 64])
-def test_an_untrusted_plan_can_name_files_only_by_digest(sha256: str, tmp_path: Path) -> None:
-    _, plan = _plan(tmp_path)
+def test_an_untrusted_plan_can_name_files_only_by_digest(sha256: str) -> None:
+    _, plan = _with_props()
     variant = plan.variants[0].model_dump(mode="json")
     variant["scene"]["props"][1]["mesh"]["sha256"] = sha256
     with pytest.raises(ValueError, match="sha256"):
@@ -297,7 +298,8 @@ def test_a_frame_with_props_has_the_same_bytes_in_any_process() -> None:
 
     street = recipe_runtime.open(GOOD, variant="poster=on_mesh,wedge=there")
     here = hashlib.sha256(street.render(1).tobytes()).hexdigest()
-    environment = {"PYTHONHASHSEED": "7", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"}
+    tunables = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"
+    environment = {"PYTHONHASHSEED": "7", "GLIBC_TUNABLES": tunables, "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3"}
     command = [sys.executable, "-c", _RENDER, str(GOOD)]
     run = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
     assert run.stdout.strip() == here

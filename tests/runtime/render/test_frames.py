@@ -49,15 +49,6 @@ def test_golden_digests() -> None:
 
 
 @pytest.mark.slow
-def test_a_frame_rendered_alone_equals_that_of_a_sequence() -> None:
-    running = Renderer(street())
-    for weather in ("noon", "rainy", "night"):
-        sequence = [picture(running, frame, weather) for frame in range(4)]
-        assert picture(Renderer(street()), 3, weather) == sequence[3]
-        assert len(set(sequence)) == 4
-
-
-@pytest.mark.slow
 def test_the_order_of_appearances_and_caches_change_no_byte() -> None:
     forward, backward = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     a, b = (r.observe(CAMERA, EYE, parts_at()) for r in (forward, backward))
@@ -131,15 +122,6 @@ def test_two_cameras_with_one_pose_have_caches_of_their_own() -> None:
             alone = Renderer(street(), reuse=NO_REUSE)
             expected = alone.shade(alone.observe(CAMERA, EYE, parts_at(frame)), bright, sensor, frame, 0.0)
             np.testing.assert_array_equal(both.shade(seen, bright, sensor, frame, 0.0), expected)
-
-
-@pytest.mark.slow
-def test_weathers_of_a_frame_share_caches_without_changing_a_byte() -> None:
-    keeping = Renderer(street())
-    for frame in (0, 1, 2, 3):
-        seen = keeping.observe(CAMERA, EYE, parts_at(frame))
-        shots = {n: keeping.shade(seen, w, "street", frame, frame / 30).tobytes() for n, w in WEATHERS.items()}
-    assert shots == {n: picture(Renderer(street()), 3, n) for n in WEATHERS}
 
 
 def test_shading_does_not_change_the_details_of_samples() -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from fractions import Fraction
 
 import numpy as np
@@ -202,29 +199,6 @@ def test_images_of_props_are_read_once_while_those_of_patches_change(monkeypatch
     assert read == [own, *changing]
     assert atlases.of(plan, [changing[-1]]) is made[-1]
     assert len(atlases._kept) == 1
-
-
-_SHADE = """
-import hashlib
-from tests.runtime.render.test_images import *
-renderer = Renderer([Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))], images=lambda texture: noise(61, 47))
-digest = hashlib.sha256()
-for x, y, yaw in ((-4, 0, 0), (-30, 3, 5), (-1, 6, -75)):
-    seen = renderer.observe(CameraPlan(width=64, height=48, fov=70), from_pose(Pose(x=x, y=y, z=10, yaw=yaw)), NOBODY)
-    digest.update(renderer.shade(seen, lit(noise(1, 1), True), "street", 1, 0.0).tobytes())
-print(digest.hexdigest())
-"""
-
-
-@pytest.mark.slow
-def test_bytes_do_not_depend_on_the_cpu() -> None:
-    masked = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4", "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3"}
-    seen = set()
-    for environment in ({}, masked):
-        command = [sys.executable, "-c", _SHADE]
-        run = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
-        seen.add(run.stdout)
-    assert len(seen) == 1 and len(seen.pop()) == 65
 
 
 def _streamed(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
