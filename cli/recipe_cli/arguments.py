@@ -141,16 +141,9 @@ def shown(place: Path | str) -> str:
 
 @contextmanager
 def dataset_at(place: Path | str, progress: Progress) -> Iterator[Path]:
-    """Yield the folder of a dataset. One at a URL is downloaded to a temporary folder during the context.
-
-    Raises:
-        RunError: it is replaced during the context.
-    """
+    """Yield the folder of a dataset. One at a URL is downloaded to a temporary folder during the context."""
     if isinstance(place, Path):
-        from recipe_runtime.dataset.manifest_reader import not_replaced
-
-        with not_replaced(place, shown(place)):
-            yield place
+        yield place
         return
     from recipe_runtime.transfer.download import fetched
 

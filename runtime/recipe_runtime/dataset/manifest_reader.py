@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypedDict
 
-from recipe_compiler.ir.errors import InputError, RunError
-
 from recipe_runtime.core import layout
 from recipe_runtime.core.documents import decode, decode_exactly
-from recipe_runtime.core.files import open_inside, regular_file
+from recipe_runtime.core.files import open_inside
 from recipe_runtime.core.staged_folder import Index
 from recipe_runtime.dataset.manifest import FORMAT, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
@@ -73,38 +69,6 @@ def parse(file: BinaryIO) -> Manifest:
         if row["folder"] != layout.folder(name):
             raise ValueError(f"the variant {name!r} has another folder than its name says")
     return manifest
-
-
-@contextmanager
-def not_replaced(root: Path, name: str) -> Iterator[None]:
-    """Check that a dataset is not replaced while it is read: files of two datasets would be compared as one.
-
-    Args:
-        root: the dataset's folder.
-        name: its name in messages.
-
-    Raises:
-        RunError: its manifest is another file when the context ends.
-    """
-    before = stamp(root)
-    try:
-        yield
-    except InputError:
-        if stamp(root) == before:
-            raise
-    if stamp(root) != before:
-        raise replaced(name)
-
-
-def replaced(name: str) -> RunError:
-    """Return the error for a dataset that was replaced while it was read."""
-    return RunError(f"{name} was replaced or changed while it was read; try again when nothing is written there")
-
-
-def stamp(root: Path) -> tuple[int, int, int] | None:
-    """Return a value that changes if another manifest replaces that in a folder."""
-    found = regular_file(root, layout.MANIFEST)
-    return found and (found.st_ino, found.st_size, found.st_mtime_ns)
 
 
 def read_or_none(root: Path) -> Manifest | None:

@@ -7,7 +7,6 @@ another size by files of that size, so that verification of the folder reports t
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import tempfile
@@ -19,7 +18,6 @@ from typing import BinaryIO
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import listed_files
@@ -39,12 +37,11 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
 
     Raises:
         InputError: there is no dataset, or its manifest is damaged.
-        RunError: the store or this host fails, or the dataset is replaced while it is read.
+        RunError: the store or this host fails.
     """
     store = Store(url)
     if store.folder is not None:
-        with manifest_reader.not_replaced(store.folder, store.url):
-            yield store.folder
+        yield store.folder
         return
     with tempfile.TemporaryDirectory(prefix="recipe-fetch-") as folder:
         root = Path(folder) / "dataset"
@@ -68,8 +65,6 @@ class _Download:
             wanted,
             lambda done: progress("fetch", done, len(wanted)),
         )
-        if not self._has_manifest():
-            raise manifest_reader.replaced(self._url)
         self._represent_surplus(sorted(sizes.keys() - {*rows, layout.MANIFEST}), {*rows, layout.MANIFEST})
 
     def _manifest(self) -> dict[str, tuple[int, str]]:
@@ -94,14 +89,6 @@ class _Download:
             raise InputError(
                 f"{self._url}: its {layout.MANIFEST} is damaged ({error})", code=Code.INVALID_DATASET
             ) from None
-
-    def _has_manifest(self) -> bool:
-        """Return whether the store still has the manifest that was downloaded; an upload removes it first."""
-        found = hashlib.sha256()
-        with suppress(FileNotFoundError), self._store.open(layout.MANIFEST) as file:
-            for piece in _pieces(file, MAX_BYTES):
-                found.update(piece)
-        return found.hexdigest() == file_sha256(self._root / layout.MANIFEST)
 
     def _check_free_space(self, total: int) -> None:
         free = shutil.disk_usage(self._root).free

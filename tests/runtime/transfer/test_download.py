@@ -189,40 +189,6 @@ def test_a_file_removed_after_the_listing_is_reported_as_missing(
     assert [str(d) for d in report.differences if gone in str(d) and "is missing" in str(d)]
 
 
-def test_a_dataset_that_is_replaced_while_it_is_downloaded_is_not_reported_as_damaged(
-    store: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """An upload removes the manifest, sends other files and writes another manifest."""
-    memory, last = type(fsspec.filesystem("memory")), "weather=w0,jitter=still/tracks.csv"
-    opened = memory.open
-
-    def replacing(self: Any, path: str, *rest: Any, **more: Any) -> Any:
-        if path.endswith(last):
-            corrupt("README.md", b"of another dataset")
-            corrupt(
-                "manifest.json", bytes(store["/fetched/small/manifest.json"].getvalue()).replace(b"README", b"OTHER")
-            )
-        return opened(self, path, *rest, **more)
-
-    monkeypatch.setattr(memory, "open", replacing)
-    with pytest.raises(RunError, match="was replaced or changed while it was read"):
-        integrity(URL)
-
-
-def test_a_folder_that_is_replaced_while_it_is_read_is_not_reported_as_damaged(built: Path, tmp_path: Path) -> None:
-    shutil.copytree(built, tmp_path / "small")
-    for damaged in (False, True):
-        with (
-            pytest.raises(RunError, match="small was replaced or changed while it was read"),
-            fetched(f"file://{tmp_path}/small", _silent) as folder,
-        ):
-            folder.rename(tmp_path / f"old{damaged}")
-            shutil.copytree(built, folder)
-            (folder / "manifest.json").touch()
-            if damaged:
-                raise InputError("a plan is missing")
-
-
 def test_a_manifest_of_another_format_is_refused(store: dict[str, Any]) -> None:
     for body in (b"{}", b"[" * 100_000, b"\xff", b'{"format": "recipe/manifest/1"}'):
         corrupt("manifest.json", body)
