@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import os
 from contextlib import suppress
-from glob import escape
 from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
@@ -45,10 +44,6 @@ def record(out: Path, manifest: Manifest, source: Path | None) -> None:
     row = {"format": _FORMAT, "recipe": manifest["recipe"], "identity": manifest["identity"]}
     path = record_path(out)
     with suppress(OSError):
-        for unfinished in sorted(
-            out.parent.glob(f"{escape(f'.{path.name}')}.*.tmp")
-        ):  # left by a build that was killed here
-            unfinished.unlink(missing_ok=True)
         write_atomic(path, pretty({**row, "source": _from(out, source)}).encode())
 
 

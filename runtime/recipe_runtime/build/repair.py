@@ -15,7 +15,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.dataset.manifest import DAMAGE, is_of, listed_files
+from recipe_runtime.dataset.manifest import is_of, listed_files
 from recipe_runtime.dataset.manifest_reader import read_or_none
 from recipe_runtime.dataset.reader import Dataset, check_rows, damaged_files, lock_of, recipe_file_of
 
@@ -54,6 +54,6 @@ def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None
         files = listed_files(manifest)
         check_rows(manifest, files, plan)
         held = Dataset(out, plan, lock_of(manifest), files, str(out), recipe_file_of(manifest, files))
-    except DAMAGE:
+    except ValueError:
         return None
     return Examined(held, tuple(line for _, line in damaged_files(held, progress)))

@@ -30,7 +30,6 @@ from recipe_runtime.core.files import has_content, open_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import reader as datasets
-from recipe_runtime.dataset.manifest import DAMAGE
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.schedule import ReusedFrames, Shard, View, views
 from recipe_runtime.dataset.text_files import instances_of, labels_of
@@ -115,7 +114,7 @@ class Reuse:
         """
         records = []
         for frame in view.frames:
-            with suppress(OSError, *DAMAGE):
+            with suppress(OSError, ValueError, LookupError):
                 records.append(self._frame(work, view, frame, variants))
         return records
 

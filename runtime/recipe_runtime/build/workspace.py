@@ -30,7 +30,7 @@ from recipe_runtime.core.files import (
 )
 from recipe_runtime.core.staged_folder import Notice, StagedFolder, ignore
 from recipe_runtime.core.versions import builder_identity
-from recipe_runtime.dataset.manifest import DAMAGE, head
+from recipe_runtime.dataset.manifest import head
 from recipe_runtime.dataset.manifest_reader import FILES
 from recipe_runtime.dataset.schedule import Shard, View
 
@@ -81,10 +81,10 @@ class Workspace:
 
     def _are_complete(self, records: list[FrameRecord]) -> bool:
         """Whether all files of some frames are there, with the recorded digests."""
+        rows = {path: row for record in records for path, row in record["files"].items()}
         try:
-            rows = {path: row for record in records for path, row in record["files"].items()}
             return all(has_content(self.dataset, path, size, sha256) for path, (size, sha256) in rows.items())
-        except (OSError, *DAMAGE):
+        except OSError:
             return False
 
     def noted(self, shard: Shard, view: View) -> bool:

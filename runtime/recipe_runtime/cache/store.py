@@ -87,7 +87,7 @@ def is_cache_folder(root: Path) -> bool:
     """
     there = sorted(path.name for path in root.iterdir()) if root.is_dir() else []
     with suppress(OSError), open_no_follow(root / MARKER) as file:  # after the listing: it is the first file in a cache
-        if _FORM.startswith(file.read(len(_FORM)).rstrip(b"\0")):  # a power failure may empty it or fill it with zeros
+        if file.read(len(_FORM)) == _FORM:
             return True
     others = [name for name in there if not name.startswith(f".{MARKER}.")]  # another process may be writing the marker
     if others:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import itertools
 import os
 import stat
@@ -53,31 +52,15 @@ def write_output(path: Path, body: bytes, *, replace: bool = False) -> None:
     """Write a file atomically, or write to a pipe or a device.
 
     Raises:
-        InputError: `check_output` refuses the path, or it is a pipe that no program reads.
+        InputError: `check_output` refuses the path.
         OSError: the host cannot write it.
     """
     check_output(path, replace=replace)
     if path.exists() and not path.is_file():
-        _write_to_stream(path, body)
+        with path.open("wb") as file:
+            file.write(body)
     else:
         write_atomic(path.resolve(), body)
-
-
-def _write_to_stream(path: Path, body: bytes) -> None:
-    """Write to a pipe or a device, without waiting for a program to open the pipe."""
-    try:
-        handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    except OSError as error:
-        if error.errno != errno.ENXIO or not path.is_fifo():
-            raise
-        raise InputError(
-            f"{path} is a pipe that no program reads",
-            help="remove it, or choose another file",
-            code=Code.OUTPUT_IN_THE_WAY,
-        ) from None
-    os.set_blocking(handle, True)
-    with os.fdopen(handle, "wb") as file:
-        file.write(body)
 
 
 def unused_names(outputs: Callable[[str], Mapping[Path, bytes]]) -> Mapping[Path, bytes]:

@@ -47,9 +47,6 @@ MAX_PARTS = 32  # folders of a path, and its name; each is looked up for each fi
 _MAX_PART = 255  # bytes of one component of a path
 _PICTURES = "preview/"
 
-# Exceptions that reading an untrusted manifest can raise.
-DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError)
-
 _TABLES: Final[tuple[Literal["files", "pictures"], ...]] = ("files", "pictures")
 
 

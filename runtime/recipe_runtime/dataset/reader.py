@@ -27,7 +27,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests, manifest_reader
 from recipe_runtime.dataset.events import distinct_events
-from recipe_runtime.dataset.manifest import DAMAGE, listed_files
+from recipe_runtime.dataset.manifest import listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_checks import byte_count, check_bounds, check_plan, file_count, row_count
@@ -294,7 +294,7 @@ def _file_damage(
         return f"{path} has {count(there.st_size, 'byte')}, not {size:,} as in the manifest"
     key = there.st_dev, there.st_ino
     try:
-        known[key] = (there.st_nlink > 1 and known.get(key)) or file_sha256(root / path)
+        known[key] = known.get(key) or file_sha256(root / path)
     except OSError:
         return f"{path} is missing or cannot be read"
     return None if known[key] == sha256 else f"{path} differs from its SHA-256 in the manifest"
@@ -345,7 +345,7 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
 def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -> list[Fault]:
     try:
         return differing(root, [path], (piece.encode() for piece in make()))
-    except DAMAGE as error:
+    except ValueError as error:
         return [(path, f"{path} cannot be generated from the labels: {type(error).__name__}")]
 
 

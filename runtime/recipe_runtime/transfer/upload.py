@@ -26,7 +26,7 @@ from recipe_runtime.core.files import file_sha256, regular_file, resolved
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.staged_folder import StagedFolder, check_place, ignore
 from recipe_runtime.dataset import manifest_reader
-from recipe_runtime.dataset.manifest import DAMAGE, listed_files
+from recipe_runtime.dataset.manifest import listed_files
 from recipe_runtime.dataset.manifest_reader import FILES
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.transfer.stores import Store
@@ -140,7 +140,7 @@ class Target:
                 manifest = manifest_reader.parse(file)
             listed_files(manifest)
             return manifest
-        except (FileNotFoundError, *DAMAGE):
+        except (FileNotFoundError, ValueError):
             return None
 
     def _put_remote(self, body: bytes, rows: Rows, progress: Progress) -> Copied:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 import pickle
 from collections.abc import Iterable
 from dataclasses import replace
@@ -20,7 +19,6 @@ from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import METRE, UNIT, ContactEvent, Trace
 from recipe_runtime.dataset.events import distinct_events
-from recipe_runtime.dataset.text_files import differing
 from recipe_runtime.dataset.tracks import tracks_csv
 
 from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
@@ -152,17 +150,3 @@ def test_a_cached_trace_has_its_contacts(tmp_path: Path) -> None:
     assert store.trace(scene, lambda: pytest.fail("it is kept")).contacts is None
     assert store.trace(scene, lambda: made, contacts=True).contacts == made.contacts
     assert entry.is_file()
-
-
-def test_files_with_one_inode_number_are_compared_singly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """File systems in user space may report one number for several files; all but the first were not compared."""
-    real = os.fstat
-
-    def numberless(file: int) -> os.stat_result:
-        found = real(file)
-        return os.stat_result((found.st_mode, 1, *found[2:]))
-
-    for name, text in (("a", "x"), ("b", "y"), ("c", "x")):
-        (tmp_path / name).write_text(text)
-    monkeypatch.setattr(os, "fstat", numberless)
-    assert [path for path, _ in differing(tmp_path, "abc", [b"x"])] == ["b"]
