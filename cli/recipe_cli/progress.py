@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.console import safe, show_cursor
+from recipe_cli.console import fail, safe, show_cursor
 
 if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
@@ -50,3 +52,16 @@ class Progress:
         elif self._bar is not None:
             self._bar.__exit__(None, None, None)
         self._bar = None
+
+
+@contextmanager
+def interruptible(described: Callable[[], tuple[str, str]]) -> Iterator[None]:
+    """End the command with exit code 130 after an interrupt inside the block; `described` returns error and remedy."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        from recipe_compiler.ir.errors import Code, Problem
+
+        what, remedy = described()
+        fail([Problem(what, help=remedy, code=Code.INTERRUPTED)])
+        raise click.exceptions.Exit(130) from None

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -29,17 +29,16 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.build_report import Outcome
-from recipe_cli.console import fail, note, print_json, say, warn
+from recipe_cli.console import note, print_json, say, warn
 from recipe_cli.host_limits import free_disk
 from recipe_cli.lockfile_paths import lockfile_path, read_lockfile, source_of
 from recipe_cli.places import check_default_folder, check_utf8, recipe_files
-from recipe_cli.progress import Progress
+from recipe_cli.progress import Progress, interruptible
 from recipe_cli.suggestions import url_with_one_slash
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.ir.lockfile import Lockfile
-    from recipe_compiler.ir.plan import DatasetPlan
     from recipe_runtime.build.pipeline import BuildResult
     from recipe_runtime.build.recipe_files import RecipeFiles
     from recipe_runtime.build.resume import Runner
@@ -119,25 +118,9 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
 @JSON
 @_recipe_first
 @unpacks("recipe", keep="source")
-def command(
-    recipe: Path,
-    source: Path,
-    output: str | None,
-    locked: bool,
-    only_locked: bool,
-    ray: str | None,
-    repair: bool,
-    replace: bool,
-    explain: bool,
-    device: str,
-    workers: int | None,
-    allow_large: bool,
-    as_json: bool,
-) -> None:
+def command(*, explain: bool, as_json: bool, **options: Any) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
-    request = Request(
-        recipe, source, output, locked, only_locked, ray, repair, replace, device, workers, allow_large
-    )  # fmt: skip
+    request = Request(**options)
     inputs = _inputs(request)
     outcome = _build(request, inputs)
     if as_json:
@@ -154,10 +137,12 @@ def _inputs(request: Request) -> Inputs:
     """Check the arguments, compile the recipe and read its lockfile.
 
     Raises:
-        InputError: the arguments contradict each other, the recipe does not compile, or it does not match a lockfile
-            that it must match.
+        InputError: the arguments contradict each other, the recipe does not compile, it does not match a lockfile that
+            it must match, or the URL cannot be reached or holds the dataset of another recipe.
     """
-    recipe, output = request.recipe, request.output
+    from recipe_runtime.transfer.upload import Target
+
+    recipe, output, target = request.recipe, request.output, None
     check_utf8(request.source)
     folder = _named_folder(request)
     workers = None if request.ray else worker_count(request.workers)  # a cluster's memory is not this host's
@@ -165,18 +150,15 @@ def _inputs(request: Request) -> Inputs:
     compiled = compile_quietly(recipe, allow_large=request.allow_large, free_disk=free, workers=workers)
     folder = folder or check_default_folder(Path("datasets")) / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
-    _note_text(compiled, lock)
     files = _packed_files(recipe, compiled, lock)
-    if request.locked or request.only_locked:
-        plan = _locked_plan(recipe, compiled, lock, request.only_locked)
-        if plan.digest != compiled.plan.digest:
-            files = None  # a dataset contains no recipe of which it is a part
-        locked_files = compiled.files if request.locked or lock is None else lock[1].files
-        compiled = dataclasses.replace(compiled, plan=plan, files=locked_files)
-    elif lock is not None:
-        _warn_if_outdated(compiled, *lock)
-    target = _target(output, folder, compiled.plan, request.replace) if output and "://" in output else None
-    return Inputs(compiled, folder, lock, files, target)
+    to_build = _compared(request, compiled, lock)
+    if to_build.plan.digest != compiled.plan.digest:
+        files = None  # a dataset contains no recipe of which it is a part
+    if output and "://" in output:
+        target = Target(output, folder)
+        if not request.replace:
+            target.check_replaceable(compiled.plan.recipe)
+    return Inputs(to_build, folder, lock, files, target)
 
 
 def _named_folder(request: Request) -> Path | None:
@@ -217,56 +199,33 @@ def _packed_files(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] 
 
 
 def _build(request: Request, inputs: Inputs) -> Outcome:
-    """Build the dataset, copy it to a URL if one was given, and compare it with the lockfile.
-
-    On an interruption it prints what is kept and ends the command with exit code 130.
-    """
-    from recipe_compiler.ir.errors import Code, Problem
+    """Build the dataset, copy it to a URL if one was given, and compare it with the lockfile."""
     from recipe_runtime.build.pipeline import BuildOptions, build
 
     compiled, target, reasons, notices = inputs.compiled, inputs.target, list[str](), list[str]()
     # 0: as many as the cluster has room for. Counting this host's raises before the work if there is no such device.
     workers = (request.workers or 0) if request.ray else worker_count(request.workers, request.device)
-    try:
-        with Progress() as progress, _runner(request.ray) as run:
-            options = BuildOptions(
-                workers=workers,
-                progress=progress,
-                device=request.device,
-                engines=engines_for(compiled),
-                explain=reasons.extend,
-                run=run,
-                repair=request.repair,
-                source=request.source,
-                replace=request.replace,
-                recipe_files=inputs.files,
-                notice=notices.append,
-            )
-            result = build(compiled.plan, inputs.folder, options)
-            copied = target.put(progress, replace=request.replace, notice=notices.append) if target else None
-    except KeyboardInterrupt:
-        what, remedy = build_report.interruption(compiled.plan, inputs.folder, request.repair, target)
-        fail([Problem(what, help=remedy, code=Code.INTERRUPTED)])
-        raise click.exceptions.Exit(130) from None
+    kept = partial(build_report.interruption, compiled.plan, inputs.folder, request.repair, target)
+    with interruptible(kept), Progress() as progress, _runner(request.ray) as run:
+        options = BuildOptions(
+            workers=workers,
+            progress=progress,
+            device=request.device,
+            engines=engines_for(compiled),
+            explain=reasons.extend,
+            run=run,
+            repair=request.repair,
+            source=request.source,
+            replace=request.replace,
+            recipe_files=inputs.files,
+            notice=notices.append,
+        )
+        result = build(compiled.plan, inputs.folder, options)
+        copied = target.put(progress, replace=request.replace, notice=notices.append) if target else None
     for text in notices:
         note(text)
     differences = _lockfile_differences(inputs.lock, request.recipe, compiled, result)
     return Outcome(inputs.folder, result, request.repair, reasons, target, copied, differences)
-
-
-def _target(url: str, folder: Path, plan: DatasetPlan, replace: bool) -> Target:
-    """The upload target of a URL, for the dataset that is built in a folder.
-
-    Raises:
-        InputError: it cannot be reached, is not apart from the folder, or holds the dataset of another recipe and
-            `replace` is not set.
-    """
-    from recipe_runtime.transfer.upload import Target
-
-    target = Target(url, folder)
-    if not replace:
-        target.check_replaceable(plan.recipe)
-    return target
 
 
 @contextmanager
@@ -283,63 +242,45 @@ def _runner(ray: str | None) -> Iterator[Runner]:
         yield run
 
 
-def _locked_plan(
-    recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None, only_locked: bool
-) -> DatasetPlan:
-    """The plan to build so that it matches the lockfile.
+def _compared(request: Request, compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> Compiled:
+    """Compare a recipe with its lockfile before the work, and return what is to be built.
 
-    Args:
-        recipe: the recipe file.
-        compiled: the compiled recipe.
-        lock: the lockfile and its path, if there is one.
-        only_locked: keep only the variants that the lockfile lists; otherwise the whole plan must match.
+    With `--only-locked`, these are the variants that the lockfile lists.
 
     Raises:
-        InputError: there is no lockfile, or a variant differs from its row.
+        InputError: the recipe must match its lockfile and does not, or there is none.
     """
     from recipe_compiler.ir.errors import Code, InputError, Problem
     from recipe_compiler.ir.plan import DatasetPlan
-    from recipe_runtime.verify.compare import compare_files, compare_plans
+    from recipe_runtime.verify.compare import compare_files, compare_plans, text_note
 
+    plan, must_match = compiled.plan, request.locked or request.only_locked
     if lock is None:
-        raise InputError(
-            f"{lockfile_path(recipe, compiled.plan.recipe)}: there is no lockfile; `recipe lock` writes it"
-        )
+        if must_match:
+            place = lockfile_path(request.recipe, plan.recipe)
+            raise InputError(f"{place}: there is no lockfile; `recipe lock` writes it")
+        return compiled
     path, known = lock
-    plan, differences = compiled.plan, [] if only_locked else compare_files(compiled.plan, known, compiled.files)
-    if only_locked:
+    if text := text_note(known, plan.digest, compiled.files):
+        note(text)
+    differences = [] if request.only_locked else compare_files(plan, known, compiled.files)
+    if request.only_locked:
         by_name = {v.variant: v for v in plan.variants}
         variants = tuple(by_name[name] for name in known.variants if name in by_name)
-        plan = DatasetPlan.model_validate(
-            {n: getattr(plan, n) for n in DatasetPlan.model_fields} | {"variants": variants}
-        )
+        others = {name: getattr(plan, name) for name in DatasetPlan.model_fields}
+        plan = DatasetPlan.model_validate(others | {"variants": variants})  # a copy would keep the digest
     differences += compare_plans(plan, known)
-    if differences:
+    if differences and must_match:
         remedy = "`recipe lock --update` locks the recipe's current content"
         raise InputError(
             [Problem(f"{path}: {difference}", help=remedy, code=Code.OUTDATED_LOCKFILE) for difference in differences]
         )
-    return plan
-
-
-def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
-    """Warn, before the work, that the dataset will differ from the lockfile."""
-    from recipe_compiler.ir.errors import Code, Problem
-    from recipe_runtime.verify.compare import compare_files, compare_plans
-
-    found = compare_files(compiled.plan, known, compiled.files) or compare_plans(compiled.plan, known)
-    if found:
+    if differences:
         remedy = "the current recipe is built, and the exit code is 1; --locked refuses this"
-        warn(Problem(f"{path} is outdated: {found[0].message}", help=remedy, code=Code.OUTDATED_LOCKFILE))
-
-
-def _note_text(compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> None:
-    """Print a note if the text of the recipe changed since it was locked, but not its plan."""
-    from recipe_runtime.verify.compare import text_note
-
-    text = text_note(lock[1], compiled.plan.digest, compiled.files) if lock else None
-    if text:
-        note(text)
+        what = f"{path} is outdated: {differences[0].message}"
+        warn(Problem(what, help=remedy, code=Code.OUTDATED_LOCKFILE))
+    files = known.files if request.only_locked and not request.locked else compiled.files
+    return replace(compiled, plan=plan, files=files)
 
 
 def _lockfile_differences(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,14 +23,14 @@ from recipe_cli.arguments import (
     replace_option,
     worker_count,
 )
-from recipe_cli.console import fail, print_json, say
+from recipe_cli.console import print_json, say
 from recipe_cli.lockfile_paths import check_lockfile_is_of, lockfile_path, source_of
 from recipe_cli.places import check_utf8, used_files
-from recipe_cli.progress import Progress
+from recipe_cli.progress import Progress, interruptible
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
-    from recipe_compiler.ir.errors import InputError, Problem
+    from recipe_compiler.ir.errors import InputError
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_runtime.build.known_frames import Known
     from recipe_runtime.core.trace import Trace
@@ -126,8 +127,6 @@ class Locked:
 def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Locked:
     """Render what is not known yet, and write the lockfile and, if they are wanted, the traces.
 
-    On an interruption it prints what is kept and ends the command with exit code 130.
-
     Raises:
         InputError: there is a lockfile with other digests, and `options.update` is not set.
     """
@@ -140,22 +139,18 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     source = source_of(recipe, path)
     motion: dict[str, Trace] = {}
     known = known_frames(compiled.plan)
-    try:
-        with Progress() as progress:
-            made = lock(
-                compiled.plan,
-                source,
-                compiled.files,
-                workers=options.workers,
-                progress=progress,
-                engines=engines_for(compiled),
-                device=options.device,
-                traces=motion,
-                known=known,
-            )
-    except KeyboardInterrupt:
-        fail([_interrupted(recipe, known)])
-        raise click.exceptions.Exit(130) from None
+    with interruptible(partial(_interruption, recipe, known)), Progress() as progress:
+        made = lock(
+            compiled.plan,
+            source,
+            compiled.files,
+            workers=options.workers,
+            progress=progress,
+            engines=engines_for(compiled),
+            device=options.device,
+            traces=motion,
+            known=known,
+        )
     previous = lockfile.read(path) if path.exists() and not options.update else None
     if previous is not None and not previous.equals_but_for_text(made):
         raise _outdated(path, recipe)
@@ -206,13 +201,12 @@ def _check_apart(recipes: tuple[Path, ...], places: list[Path]) -> None:
             )
 
 
-def _interrupted(recipe: Path, known: Known) -> Problem:
-    from recipe_compiler.ir.errors import Code, Problem
-
-    kept, code = known.kept_frames(), Code.INTERRUPTED
+def _interruption(recipe: Path, known: Known) -> tuple[str, str]:
+    """Return what an interrupted lock has kept, and how to continue."""
+    kept = known.kept_frames()
     if not kept:
-        return Problem("interrupted", help=f"lock {recipe} again to start over", code=code)
-    return Problem(f"interrupted; {counted(kept, 'frame')} kept", help=f"lock {recipe} again to continue", code=code)
+        return "interrupted", f"lock {recipe} again to start over"
+    return f"interrupted; {counted(kept, 'frame')} kept", f"lock {recipe} again to continue"
 
 
 def _check_before(recipe: Path, compiled: Compiled, path: Path, options: Options, inputs: list[Path]) -> None:

@@ -30,7 +30,7 @@ from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, stat
 from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.lockfile_paths import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.places import check_default_folder
-from recipe_cli.progress import Progress
+from recipe_cli.progress import Progress, interruptible
 from recipe_cli.suggestions import check_exists
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def command(
     target cannot be read, 3: INCONCLUSIVE. Several targets: 1 if one fails, else 2 if one cannot be read, else 3 if
     one is inconclusive, else 0.
     """
-    from recipe_compiler.ir.errors import Code, InputError, Problem, RunError
+    from recipe_compiler.ir.errors import InputError, RunError
     from recipe_runtime.core.host import fresh_nonce
     from recipe_runtime.verify.verify import Options
 
@@ -126,12 +126,9 @@ def command(
         with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
             return _verify(place, options, against)
 
-    try:
+    again = "; with --all, it is resumed" if everything else f"; --nonce {options.nonce} draws this sample again"
+    with interruptible(lambda: ("interrupted", f"verify again{'' if integrity else again}")):
         verdicts, problems, stopped = _each(targets or _all_lockfiles(), check, as_json)
-    except KeyboardInterrupt:
-        again = "; with --all, it is resumed" if everything else f"; --nonce {options.nonce} draws this sample again"
-        fail([Problem("interrupted", help=f"verify again{'' if integrity else again}", code=Code.INTERRUPTED)])
-        raise click.exceptions.Exit(130) from None
     if problems and "FAIL" not in verdicts:
         raise (RunError if stopped else InputError)(problems)
     if problems:
