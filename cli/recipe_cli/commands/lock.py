@@ -131,7 +131,7 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
         InputError: there is a lockfile with other digests, and `options.update` is not set.
     """
     from recipe_compiler.ir import lockfile
-    from recipe_runtime.build.reuse import known_frames
+    from recipe_runtime.build.known_frames import known_frames
     from recipe_runtime.core.files import host_errors
     from recipe_runtime.verify import trace_bundle
     from recipe_runtime.verify.locking import lock

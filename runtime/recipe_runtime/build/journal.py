@@ -14,6 +14,7 @@ from recipe_compiler.ir.canonical import digest
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.cache.store import Store
+from recipe_runtime.core.documents import decode
 from recipe_runtime.dataset.schedule import Shard, View
 
 _KIND = "shards"
@@ -39,12 +40,9 @@ class CacheJournal:
         """Return the records of a finished shard, or None if they are missing or damaged."""
         body = self._store.get(_KIND, self._entry(shard, view))
         try:
-            records: list[FrameRecord] | None = None if body is None else json.loads(body)
-            for record in records or ():
-                record["files"] = {path: (row[0], row[1]) for path, row in record["files"].items()}
-        except (ValueError, KeyError, TypeError):
+            return None if body is None else decode(body, list[FrameRecord])
+        except ValueError:
             return None
-        return records
 
     def write(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
         """Record a finished shard.

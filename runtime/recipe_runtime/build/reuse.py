@@ -22,16 +22,14 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.records import FileRow, FrameRecord
-from recipe_runtime.build.known_frames import Known
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import has_content, open_inside, regular_file
-from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.reader import Dataset
-from recipe_runtime.dataset.schedule import ReusedFrames, Shard, View, views
+from recipe_runtime.dataset.schedule import ReusedFrames, View, views
 from recipe_runtime.dataset.text_files import instances_of, labels_of
 
 
@@ -230,40 +228,3 @@ def _forms(plan: DatasetPlan) -> tuple[dict[str, str], bool, bool]:
 
 def _some(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{count(len(names), 'variant')} ({names[0]}, ...)"
-
-
-def proven(
-    plan: DatasetPlan, before: Dataset, traces: Mapping[str, str], progress: Progress
-) -> list[tuple[Shard, list[FrameRecord]]]:
-    """Return the frames of a plan that an existing dataset of this program proves, as records by view.
-
-    The manifest, whose digest the cache holds, contains the digests of the pixels before they were encoded. A frame is
-    returned if all of its files still have their recorded digests, and its scene's motion is the given one.
-
-    Args:
-        traces: scene digest -> Trace digest.
-    """
-    found, reuse, seen = [], Reuse(plan, before), views(plan)
-    for number, view in enumerate(seen):
-        progress("reuse", number, len(seen))
-        variants = reuse.covered(view)
-        scene = view.scene.digest
-        if not variants or scene not in traces or before.lock.traces.get(scene) != traces[scene]:
-            continue
-        records = reuse.take(None, view, variants)
-        if records:
-            found.append((Shard(number, tuple(record["frame"] for record in records), variants), records))
-    progress("reuse", len(seen), len(seen))
-    return found
-
-
-def known_frames(plan: DatasetPlan, cache: Path | None = None) -> Known:
-    """Return the frames that `lock` need not render.
-
-    Those of the last dataset built on this host, and of an interrupted run.
-    """
-    store = Store(cache)
-    before = built(store, plan)
-    if before is None:
-        return Known(store.root)
-    return Known(store.root, lambda traces, progress: proven(plan, before, traces, progress))

@@ -20,9 +20,8 @@ from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import CameraPlan, ScenePlan
 from recipe_runtime.build import known_frames as known_frames_module
 from recipe_runtime.build import reuse
-from recipe_runtime.build.known_frames import Known
+from recipe_runtime.build.known_frames import Known, known_frames
 from recipe_runtime.build.pipeline import BuildOptions, build
-from recipe_runtime.build.reuse import known_frames
 from recipe_runtime.core import host
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array
@@ -188,7 +187,7 @@ def test_an_unwritable_cache_is_not_an_error(fresh: Lockfile, tmp_path: Path) ->
 
 LOCK_SLOWLY = """
 from pathlib import Path
-from recipe_runtime.build.reuse import known_frames
+from recipe_runtime.build.known_frames import known_frames
 from recipe_runtime.verify.locking import lock
 from tests.runtime.fakes import SLOW, dataset_plan
 plan = dataset_plan(frames=8)
