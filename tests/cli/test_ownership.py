@@ -6,7 +6,6 @@ import errno
 import json
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -262,22 +261,6 @@ def test_two_recipes_of_one_name_in_one_folder_get_remedies_that_can_be_followed
     )
 
 
-def test_in_python_the_lockfile_of_another_recipe_is_not_overwritten(recipe: Run) -> None:
-    write("a/r.yaml", RECIPE)
-    write("b/r.yaml", OTHER_PLAN)
-    recipe("lock", "a/r.yaml")
-    path = Path("lockfiles/small.lock")
-    mine = lockfile.read(path)
-    theirs = replace(mine, plan="0" * 64, source="../b/r.yaml")
-    with pytest.raises(InputError, match=r"another recipe, a/r\.yaml, and not of b/r\.yaml"):
-        theirs.write(path)
-    notes = write("lockfiles/notes.lock", "mine\n")
-    with pytest.raises(InputError, match="exists already and is not a lockfile"):
-        mine.write(notes)
-    assert (lockfile.read(path), notes.read_text()) == (mine, "mine\n")
-    assert theirs.write(path, replace=True) and mine.write(notes, replace=True)
-
-
 @pytest.mark.parametrize("marker", ["pyproject.toml", ".git", "lockfiles"])
 def test_the_lockfile_is_searched_for_beside_the_recipe_and_in_its_project_only(tmp_path: Path, marker: str) -> None:
     (tmp_path / "lockfiles").mkdir()
@@ -350,8 +333,6 @@ def test_the_lockfile_of_a_renamed_recipe_is_protected_before_it_is_locked_again
     (problem,) = caught.value.problems
     assert problem.message.startswith("lockfiles/small.lock is the lockfile of small.yaml, which does not exist")
     assert problem.help is not None and "`recipe lock NEW.yaml`" in problem.help and "--replace" in problem.help
-    with pytest.raises(InputError, match="which does not exist, and has another plan"):  # in Python
-        replace(lockfile.read(path), plan="0" * 64, source="../other.yaml").write(path)
     assert path.read_bytes() == locked
     assert "now names ../renamed.yaml" in recipe("lock", "renamed.yaml").stdout  # (the remedy works)
     Path("renamed.yaml").unlink()

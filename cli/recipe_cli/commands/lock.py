@@ -159,7 +159,7 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     if options.with_traces or traces.exists():  # an existing file of traces must not become outdated
         written = trace_bundle.write(traces, motion, replace=options.replace)  # first: a full disk then keeps both old
     with host_errors(str(path), "free some space or allow writing, then lock again"):
-        written |= (previous is None or renamed) and made.write(path, replace=options.replace)
+        written |= (previous is None or renamed) and made.write(path)
     known.close()
     return Locked(recipe, path, made, previous, renamed, written, known.taken_frames, known.resumed_frames)
 

@@ -77,9 +77,10 @@ def _proven(
     for number, view in enumerate(seen) if before is not None else ():
         progress("reuse", number + 1, len(seen))
         variants, scene = reuse.covered(view), view.scene.digest
-        if variants and before is not None and traces.get(scene) == before.lock.traces.get(scene):
-            if records := reuse.take(None, view, variants):
-                yield Shard(number, tuple(record["frame"] for record in records), variants), records
+        if not variants or before is None or traces.get(scene) != before.lock.traces.get(scene):
+            continue
+        if records := reuse.take(None, view, variants):
+            yield Shard(number, tuple(record["frame"] for record in records), variants), records
 
 
 def known_frames(plan: DatasetPlan, cache: Path | None = None) -> Known:

@@ -125,22 +125,11 @@ class Lockfile:
         except (OSError, ValueError):  # an invalid path
             return None
 
-    def write(self, path: Path, *, replace: bool = False) -> bool:
-        """Write it, unless the file differs in tool versions at most.
-
-        Returns:
-            Whether it was written.
-
-        Raises:
-            InputError: the file there is not a lockfile, or is the lockfile of another recipe or of a deleted one,
-                and not `replace`.
-        """
-        if os.path.lexists(path):
-            if not replace:
-                self._check_replaceable(path)
-            with contextlib.suppress(InputError):
-                if read(path).equals_but_for_tools(self):
-                    return False
+    def write(self, path: Path) -> bool:
+        """Write it in place of any file, unless that differs in tool versions at most; whether it was written."""
+        with contextlib.suppress(InputError):
+            if path.exists() and read(path).equals_but_for_tools(self):
+                return False
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         temporary = Path(name)
@@ -153,34 +142,6 @@ class Lockfile:
             temporary.unlink(missing_ok=True)
             raise
         return True
-
-    def _check_replaceable(self, path: Path) -> None:
-        """Raise InputError unless the file at `path` is a lockfile of this recipe, which may be damaged."""
-        if not is_lockfile(path):
-            raise InputError(
-                f"{path} exists already and is not a lockfile",
-                help="move it away, or replace it",
-                code=Code.OUTPUT_IN_THE_WAY,
-            )
-        try:
-            there = read(path)
-        except InputError:
-            return  # damaged: it may be replaced
-        own = Path(os.path.normpath(path.parent / self.source))
-        other = there.other_recipe(path, own, self.plan)
-        if there.recipe != self.recipe or other is not None:
-            raise InputError(
-                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {own}",
-                help="give one of them another name, or replace it",
-                code=Code.OUTPUT_IN_THE_WAY,
-            )
-        gone = there.missing_recipe(path, own, self.plan)
-        if gone is not None:
-            raise InputError(
-                f"{path} is the lockfile of {gone}, which does not exist, and has another plan than {own}",
-                help="if that recipe was renamed, lock it under its new name first; else replace it",
-                code=Code.OUTPUT_IN_THE_WAY,
-            )
 
     def _lines(self) -> Iterator[str]:
         """The lockfile's lines, the seal last."""
