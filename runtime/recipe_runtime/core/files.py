@@ -77,17 +77,14 @@ def read_inside(root: Path, path: str, most: int) -> bytes:
     """Return the content of a regular file within a folder, read through no link.
 
     Raises:
-        ValueError: The file is not regular, has more than `most` bytes, or grows while it is read.
+        ValueError: The file is not regular, or has more than `most` bytes.
         OSError: It cannot be read, or its path contains a link.
     """
     with open_inside(root, path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
             raise ValueError(f"{path} has {size:,} bytes, and at most {most:,} are read")
-        body = file.read(size + 1)
-    if len(body) > size:
-        raise ValueError(f"{path} changes while it is read")
-    return body
+        return file.read(size)
 
 
 def is_folder(path: Path) -> bool:

@@ -151,14 +151,6 @@ def test_only_a_damaged_dataset_is_built_again(made: BuildResult, tmp_path: Path
     assert tree(first.path) == tree(made.path)
 
 
-@pytest.mark.slow
-def test_another_plan_replaces_the_dataset(made: BuildResult, tmp_path: Path) -> None:
-    again(tmp_path, dataset_plan(frames=8, weathers=1), workers=0)
-    result = again(tmp_path, workers=0)
-    assert tree(result.path) == tree(made.path)
-    assert not (tmp_path / ".tiny.partial").exists()
-
-
 BUILD_SLOWLY = """
 from pathlib import Path
 from recipe_runtime.build.pipeline import BuildOptions, build
@@ -219,9 +211,11 @@ def stopped(folder: Path) -> Path:
 
 @pytest.mark.slow
 def test_a_resumed_build_renders_lost_and_damaged_files_again(made: BuildResult, tmp_path: Path) -> None:
+    """After a power failure, a file can have the right size and wrong bytes."""
     partial = stopped(tmp_path)
     (partial / "dataset/weather=w0,jitter=still/street/rgb/000000.png").unlink()
-    (partial / "dataset/weather=w0,jitter=still/street/depth/000002.png").write_bytes(b"short")
+    depth = partial / "dataset/weather=w0,jitter=still/street/depth/000002.png"
+    depth.write_bytes(bytes(depth.stat().st_size))
     (partial / "dataset/weather=w0,jitter=still/street/rgb/.000009.png.4711.tmp").write_bytes(b"half a fi")
     result = again(tmp_path, workers=0, shard_frames=2)
     assert result.resumed == 1
@@ -230,30 +224,10 @@ def test_a_resumed_build_renders_lost_and_damaged_files_again(made: BuildResult,
 
 
 @pytest.mark.slow
-def test_a_resumed_build_checks_the_digests_of_reused_files(made: BuildResult, tmp_path: Path) -> None:
-    """After a power failure, a file can have the right size and wrong bytes."""
-    picture = stopped(tmp_path) / "dataset/weather=w0,jitter=still/street/rgb/000000.png"
-    picture.write_bytes(bytes(picture.stat().st_size))
-    result = again(tmp_path, workers=0, shard_frames=2)
-    assert result.resumed == 2
-    assert tree(result.path) == tree(made.path)
-
-
-@pytest.mark.slow
 def test_work_of_another_version_is_not_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stopped(tmp_path)
     monkeypatch.setattr(workspace, "builder_identity", lambda: "another")
     assert again(tmp_path, workers=0, shard_frames=2).resumed == 0
-
-
-@pytest.mark.slow
-def test_another_plan_does_not_resume_the_work(tmp_path: Path) -> None:
-    stopped(tmp_path)
-    plan = dataset_plan(frames=8, weathers=1)
-    result = again(tmp_path, plan, workers=0, shard_frames=2)
-    assert result.resumed == 0
-    fresh = again(tmp_path / "fresh", plan, workers=0)
-    assert tree(result.path) == tree(fresh.path)
 
 
 @pytest.mark.slow
@@ -333,7 +307,7 @@ def test_a_worker_lost_between_two_shards_is_reported(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.0, 0.15, 0.3, 0.45])
+@pytest.mark.parametrize("delay", [0.0, 0.3])
 def test_an_interrupt_while_workers_start_is_silent(tmp_path: Path, delay: float) -> None:
     """As from a terminal, the whole process group gets the signal; workers must print nothing."""
     code = textwrap.indent(BUILD_SLOWLY.format(folder=str(tmp_path)), "    ")
@@ -374,12 +348,6 @@ def test_after_a_full_disk_the_finished_work_is_resumed(
     result = again(tmp_path, workers=0, shard_frames=2)
     assert result.resumed > 0
     assert tree(result.path) == tree(made.path)
-
-
-def test_a_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(InputError, match=r"file is a file; choose another folder"):
-        build(PLAN, tmp_path / "file" / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES))
 
 
 def test_variant_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> None:

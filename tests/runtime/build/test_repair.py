@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import RunError
 from recipe_runtime.build.pipeline import BuildOptions, BuildResult, build
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256
 from recipe_runtime.dataset.reader import lock_of, read
 from recipe_runtime.verify.verify import Options, verify_files
 
@@ -180,40 +178,6 @@ def test_a_foreign_file_is_not_removed(made: BuildResult, tmp_path: Path) -> Non
     assert _build(tmp_path, repair=True).repaired == ("notes.txt is not in the manifest",)
     assert not (made.path / "notes.txt").exists()
     assert (tmp_path / "tiny.replaced" / "notes.txt").read_text() == "mine"
-
-
-def _edit_row(made: BuildResult, table: str, path: str, size: int) -> None:
-    """Replace a file by a sparse one, with its row in the manifest."""
-    manifest = json.loads((made.path / layout.MANIFEST).read_text())
-    (made.path / path).unlink()
-    with (made.path / path).open("wb") as file:
-        file.truncate(size)
-    digest = file_sha256(made.path / path) if size < 1 << 30 else "0" * 64
-    manifest[table][path] = {"size": size, "sha256": digest}
-    (made.path / layout.MANIFEST).write_text(pretty(manifest))
-
-
-def test_files_beyond_the_size_of_a_dataset_are_not_hashed(
-    made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A sparse file of any size has no bytes in an archive; hashing 1 TiB takes 11 minutes."""
-    before = tree(made.path)
-    _edit_row(made, "pictures", layout.CONTACT_SHEET, 1 << 40)
-    monkeypatch.setattr("recipe_runtime.dataset.reader.file_sha256", None)
-    assert _build(tmp_path, repair=True).built
-    assert tree(made.path) == before
-
-
-def test_labels_without_lines_are_not_read_whole(made: BuildResult, tmp_path: Path) -> None:
-    before, identity = tree(made.path), made.identity
-    _edit_row(made, "files", f"{STREET}/labels.jsonl", 1 << 28)
-    (made.path / "README.md").unlink()
-    tracemalloc.start()
-    repaired = _build(tmp_path, repair=True)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 1 << 27
-    assert (repaired.identity, tree(made.path)) == (identity, before)
 
 
 def test_a_dataset_that_cannot_be_read_is_built_again(made: BuildResult, tmp_path: Path) -> None:

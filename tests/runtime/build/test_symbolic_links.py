@@ -8,18 +8,9 @@ import pytest
 from recipe_compiler.ir.errors import RecipeError
 from recipe_runtime.build.pipeline import BuildOptions, build
 
-from tests.runtime.fakes import BROKEN, ENGINES, dataset_plan, tree
+from tests.runtime.fakes import BROKEN, ENGINES, dataset_plan
 
 PLAN = dataset_plan(frames=8)
-
-
-def victim(folder: Path) -> dict[str, bytes]:
-    """Return a folder of a user's files, with the names that a build gives its own files."""
-    for name in ("old/important", "home/letter", "dataset/photo", "shards/x", "job.json"):
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("{}")
-    return tree(folder)
 
 
 @pytest.mark.slow

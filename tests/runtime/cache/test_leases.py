@@ -5,8 +5,6 @@ from __future__ import annotations
 import gc
 import os
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +20,6 @@ from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime.fakes import ENGINES, dataset_plan
-from tests.sources import ROOT
 
 PLAN = dataset_plan(frames=4, weathers=1)
 
@@ -134,15 +131,4 @@ def test_a_forked_process_has_a_lease_of_its_own_and_keeps_its_parents() -> None
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     assert held()
     street.close()
-    assert not held()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("end", ["pass", "import os; os._exit(0)", "raise SystemExit(3)"])
-def test_a_lease_ends_with_its_process(end: str) -> None:
-    code = "from tests.runtime.cache.test_leases import held, scenario\n"
-    code += f"street = scenario()\nstreet.render(0)\nassert held()\n{end}\n"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
-    assert done.stderr == ""
     assert not held()

@@ -3,8 +3,6 @@
 import os
 import resource
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -106,19 +104,6 @@ def test_a_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.
     assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
 
 
-def test_temporary_files_of_another_host_are_not_removed(tmp_path: Path) -> None:
-    """Two containers that share a folder can have processes with the same ID."""
-    theirs = tmp_path / f".a.{os.getpid()}.0.tmp"
-    theirs.write_bytes(b"half a fi")
-    write_atomic(tmp_path / "a", b"whole")
-    link_or_copy(tmp_path / "a", tmp_path / "b")
-    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {
-        theirs.name: b"half a fi",
-        "a": b"whole",
-        "b": b"whole",
-    }
-
-
 def test_a_file_has_the_mode_of_the_umask(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:
@@ -173,22 +158,6 @@ def test_files_are_hard_linked_or_copied_where_links_are_impossible(
     assert (tmp_path / "sub" / "c").read_bytes() == b"labels"
     assert not (tmp_path / "sub" / "c").samefile(source)
     assert sorted(os.listdir(tmp_path / "sub")) == ["b", "c"]  # noqa: PTH208
-
-
-def _write_many(folder: str, number: int) -> int:
-    failures = 0
-    for n in range(200):
-        try:
-            write_atomic(Path(folder) / str(n) / f"{number}.txt", b"x")
-        except FileNotFoundError:
-            failures += 1
-    return failures
-
-
-def test_two_processes_can_create_one_folder(tmp_path: Path) -> None:
-    """Regression: a worker failed when another created the folder between its attempt and its check."""
-    with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
-        assert list(pool.map(_write_many, [str(tmp_path)] * 2, range(2))) == [0, 0]
 
 
 def test_an_unwritable_folder_is_an_error() -> None:

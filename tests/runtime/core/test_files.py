@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -42,42 +39,6 @@ def test_nothing_else_is_opened(root: Path) -> None:
     with open_inside(root, "a/b/file"), pytest.raises(OSError):
         open_inside(root, "link/b/file")
     assert len(list(Path("/proc/self/fd").iterdir())) == before
-
-
-@contextmanager
-def swapped(path: Path) -> Iterator[None]:
-    """Run a thread that repeatedly replaces a file by a pipe, by a link to a device and by itself."""
-    real, other, ended = path.with_name("real"), path.with_name("other"), threading.Event()
-    path.rename(real)
-
-    def swap() -> None:
-        while not ended.is_set():
-            os.mkfifo(other)
-            other.replace(path)
-            other.symlink_to("/dev/zero")
-            other.replace(path)
-            os.link(real, other)
-            other.replace(path)
-
-    thread = threading.Thread(target=swap)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
-
-
-def test_a_file_replaced_during_reading_neither_blocks_nor_exhausts_memory(root: Path) -> None:
-    read = 0
-    with swapped(root / "a" / "b" / "file"):
-        for _ in range(3000):
-            try:
-                assert read_inside(root, "a/b/file", 100) == b"body"
-                read += 1
-            except (OSError, ValueError):
-                pass
-    assert read
 
 
 def test_a_name_that_is_too_long_gets_another_remedy_than_a_full_disk(tmp_path: Path) -> None:

@@ -82,13 +82,6 @@ def test_paragraphs_are_plain_text(text: str) -> None:
     assert "".join(shown.split()).replace("\u2060", "") == "".join(words(text)).replace("\u2060", "\ufffd")
 
 
-@pytest.mark.parametrize("text", HOSTILE)
-def test_each_hostile_text_is_plain_text(text: str) -> None:
-    tokens = PARSER.parse("before\n\n" + paragraphs(text) + "\n\nafter")
-    assert {token.type for token in tokens} <= PLAIN
-    assert {token.type for token in inline(tokens)} <= {"text", "softbreak"}
-
-
 @pytest.mark.slow
 @given(TEXTS)
 @example("a | b")

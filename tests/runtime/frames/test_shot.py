@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -12,16 +12,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recipe_compiler.ir.plan import ActorPlan, Pose, ScenePlan
-from recipe_runtime import meshes
+from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames import engines
 from recipe_runtime.frames.shot import shot
-from recipe_runtime.meshes import actors
 from recipe_runtime.meshes.mesh import Mesh
-from recipe_runtime.meshes.pedestrian import pedestrian_parts
-from recipe_runtime.meshes.vehicle import vehicle_parts
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES, dataset_plan, simulate
@@ -125,35 +121,3 @@ def test_an_error_while_loading_the_scene_is_the_error_of_the_shot(tmp_path: Pat
 
     with pytest.raises(ArithmeticError, match="no ground"):
         shot(SCENARIO, engines=replace(ENGINES, renderer=broken), store=Store(tmp_path))
-
-
-def test_meshes_of_actors_are_built_once_per_shape(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression: renderer and annotator each built the meshes of all actors, 62 times for 31 actors."""
-    from recipe_compiler.library.blueprints import match
-    from recipe_runtime.core.asset_files import Assets
-
-    built: list[str] = []
-
-    def pedestrian(shape: Mapping[str, float], tag: int) -> Parts:
-        built.append("pedestrian_parts")
-        return pedestrian_parts(shape, tag)
-
-    def vehicle(shape: Mapping[str, float], tag: int, lit: bool) -> Parts:
-        built.append("vehicle_parts")
-        return vehicle_parts(shape, tag, lit)
-
-    monkeypatch.setattr(actors, "pedestrian_parts", pedestrian)
-    monkeypatch.setattr(actors, "vehicle_parts", vehicle)
-    actors._parts.cache_clear()
-    cast = tuple(
-        ActorPlan(name=f"{glob}-{n}", blueprint=b.id, category=b.category, tag=b.tag, instance=n, shape=b.shape,
-                  start=Pose(), route=(), speed=speed)
-        for glob in ("walker.pedestrian.0001", "vehicle.sedan.a") for b in match(glob)
-        for n, speed in ((1, 1.0), (2, 1.0), (3, 0.0))
-    )  # fmt: skip
-    scene = SCENARIO.scene.model_copy(update={"actors": cast})
-    bodies = meshes.scene_bodies(scene, Assets())
-    assert [body.parts for body in engines.real_engines().actors(scene)] == [body.parts for body in bodies]
-    assert sorted(built) == ["pedestrian_parts", "vehicle_parts", "vehicle_parts"]  # the lamps of a parked car are off
-    assert bodies[0].parts[0][1] is bodies[1].parts[0][1]
-    assert not bodies[0].parts[0][1].vertices.flags.writeable

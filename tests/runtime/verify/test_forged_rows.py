@@ -128,21 +128,6 @@ def test_scenes_that_are_not_simulated_are_reported(locked: Lockfile, monkeypatc
     assert report.notes == ["the motion of 1 of 3 scenes, and so their tracks.csv and events.csv, was not compared"]
 
 
-def test_forged_checkpoints_of_a_body_fail(locked: Lockfile) -> None:
-    """Checkpoints determine which frames can be excused on another host, so they must be those of the locked Trace."""
-    for key, motion in locked.bodies.items():
-        forged = replace(motion, checkpoints=tuple("deadbeef" for _ in motion.checkpoints))
-        report = check(replace(locked, bodies={**locked.bodies, key: forged}))
-        assert (report.verdict, report.stage) == ("FAIL", "trace")
-
-
-def test_a_lockfile_without_its_rows_of_bodies_fails(locked: Lockfile) -> None:
-    """It could not tell which frames agree on a host with other motion."""
-    report = check(replace(locked, bodies={}))
-    assert (report.verdict, report.stage) == ("FAIL", "lockfile")
-    assert f"lacks {len(locked.bodies)} body rows" in report.differences[0].message
-
-
 @pytest.mark.slow
 def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile, copy: Path) -> None:
     path, name = "tiny.recipe", "lockfiles/tiny.lock"

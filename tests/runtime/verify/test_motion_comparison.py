@@ -254,18 +254,22 @@ def test_a_datasets_pictures_must_have_its_digests(built: Path, tmp_path: Path) 
     assert fault.message == f"{RGB} does not hold the pixels whose digest the manifest has"
 
 
-@pytest.mark.parametrize("forge", ["digest", "surplus", "missing"])
+@pytest.mark.parametrize("forge", ["digest", "checkpoints", "surplus", "missing", "none"])
 def test_rows_of_bodies_are_compared_where_the_trace_agrees(locked: Lockfile, forge: str) -> None:
     key = next(iter(locked.bodies))
     bodies = dict(locked.bodies)
     if forge == "digest":
         bodies[key] = replace(bodies[key], digest="1" * 64)
+    elif forge == "checkpoints":  # they determine which frames can be excused on another host
+        bodies[key] = replace(bodies[key], checkpoints=tuple("deadbeef" for _ in bodies[key].checkpoints))
+    elif forge == "none":
+        bodies.clear()
     elif forge == "surplus":
         bodies["f" * 64, "ghost"] = bodies[key]
     else:
         del bodies[key]
     report = check(replace(locked, bodies=bodies))
-    assert (report.verdict, report.stage) == ("FAIL", "trace" if forge == "digest" else "lockfile")
+    assert (report.verdict, report.stage) == ("FAIL", "trace" if forge in ("digest", "checkpoints") else "lockfile")
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import random
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -435,7 +436,11 @@ def _reseal(root: Path, path: str) -> None:
     [
         "annotations/kwcoco.json",
         "annotations/coco/rgb.json",
+        "mots/MOTS-train/weather=w0_jitter=still+street/gt/gt.txt",
+        "mots/MOTS-train/weather=w0_jitter=still+street/seqinfo.ini",
+        "mots/seqmaps/MOTS-train.txt",
         "weather=w0,jitter=still/tracks.csv",
+        "weather=w0,jitter=still/events.csv",
         "weather=w0,jitter=still/street/labels.jsonl",
         "plans/weather=w0,jitter=still.json",
         "README.md",
@@ -445,8 +450,7 @@ def test_a_forged_text_is_detected_though_the_manifest_agrees(built: Path, tmp_p
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     text = (root / path).read_text()
-    forged = text.replace("hero1", "hero9") if "hero1" in text else text.replace("slide", "stand")
-    assert forged != text
+    forged = re.sub(r"\d", lambda digit: str(9 - int(digit[0])), text, count=1)
     (root / path).unlink()
     (root / path).write_text(forged)
     _reseal(root, path)
@@ -456,16 +460,6 @@ def test_a_forged_text_is_detected_though_the_manifest_agrees(built: Path, tmp_p
         assert "plan" in str(error)
     else:
         assert report.verdict == "FAIL"
-
-
-@pytest.mark.slow
-def test_a_removed_picture_is_detected_though_the_manifest_agrees(built: Path, tmp_path: Path) -> None:
-    root = tmp_path / "tiny"
-    shutil.copytree(built, root)
-    path = "weather=w0,jitter=still/street/rgb/000003.png"
-    (root / path).unlink()
-    _reseal(root, path)
-    assert any(path in d.message for d in check_folder(root).differences)
 
 
 @pytest.mark.slow
