@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from fnmatch import fnmatch
 
 import pytest
@@ -21,3 +22,11 @@ def test_no_folder_of_tests_is_skipped(pytestconfig: pytest.Config) -> None:
 def test_names_of_tests_are_short(request: pytest.FixtureRequest) -> None:
     """One was 12 MB long: pytest-xdist sends names between processes, and pytest puts them into the environment."""
     assert [item.nodeid[:200] for item in request.session.items if len(item.nodeid) > 500] == []
+
+
+def test_no_gated_test_reads_a_clock_of_the_processor() -> None:
+    """A loaded machine fails it; a time that only bounds a wait is `time.monotonic` or a timeout."""
+    clocks = re.compile(r"\b(process_time|perf_counter|thread_time)\w*\(")
+    files = [path for path in sorted((ROOT / "tests").rglob("*.py")) if "soak" not in path.parts]
+    found = [f"{path.relative_to(ROOT)}: {line}" for path in files for line in clocks.findall(path.read_text())]
+    assert found == []

@@ -115,7 +115,7 @@ def _nearest_dataset(root: Path) -> str | None:
         return [entry for entry in entries if (entry / layout.MANIFEST).is_file()]
 
     inside = datasets(root)
-    names = {path.name: path for path in datasets(root.parent)}
+    names = {path.name: path for path in datasets(root.parent) if path != root}
     close = difflib.get_close_matches(root.name, names, n=1, cutoff=0.7)
     found = inside[:1] or [names[name] for name in close]
     return f"did you mean {found[0]}?" if found else None

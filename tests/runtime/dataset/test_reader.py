@@ -154,30 +154,12 @@ def test_no_path_in_the_manifest_leads_out_of_the_folder(copy: Path, path: str) 
         datasets.read(copy)
 
 
-def no_variants(manifest: dict[str, Any]) -> None:
-    manifest.update(order=[], variants={})
-
-
-def frames_as_list(manifest: dict[str, Any]) -> None:
-    for variant in manifest["variants"].values():
-        variant["frames"] = [1, 2]
-
-
-def endless(manifest: dict[str, Any]) -> None:
-    manifest["files"]["README.md"]["size"] = float("inf")
-
-
 DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
     lambda m: m.update(order=[1, 2]),
-    lambda m: m.update(order=None),
     lambda m: m["order"].reverse() or m["variants"].clear(),
-    lambda m: m.update(files=None),
-    lambda m: m.update(outputs=[]),
-    lambda m: m.update(stages={"plan": "one"}),
-    lambda m: m["variants"].update(dict.fromkeys(m["order"])),
-    no_variants,
-    frames_as_list,
-    endless,
+    lambda m: m.update(order=[], variants={}),
+    lambda m: m["variants"][m["order"][0]].update(frames=[1, 2]),
+    lambda m: m["files"]["README.md"].update(size=-1),
 ]
 
 
@@ -186,18 +168,10 @@ def test_a_damaged_manifest_is_an_error_of_one_line(copy: Path, harm: Callable[[
     manifest = manifest_of(copy)
     harm(cast(dict[str, Any], manifest))
     (copy / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(InputError) as caught:
-        datasets.read(copy)
-    assert len(str(caught.value).splitlines()) == 1
-
-
-def test_a_damaged_manifest_has_a_remedy_that_works(copy: Path) -> None:
-    """Regression: the remedy was to build again, which refuses a folder without a manifest that can be read."""
-    manifest: Any = manifest_of(copy)
-    manifest["variants"][manifest["order"][0]]["frames"] = 3
-    (copy / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(InputError, match="is damaged") as caught:
         datasets.read(copy)
+    assert len(str(caught.value).splitlines()) == 1
+    # building again, without moving it, refuses a folder without a manifest that can be read
     assert caught.value.problems[0].help == "move the folder away, and build the dataset again"
 
 
@@ -279,14 +253,9 @@ def test_routes_and_warm_ups_out_of_bounds_are_refused() -> None:
     "line",
     [
         b"",
-        b"[]\n",
-        b"[[]]\n",
         b'[{"counts": 5}]\n',
         b"[" * 100_000,
         b"\xff\n",
-        b"NaN\n",
-        b'{"a": 1e999}\n',
-        b"[99999999999999999999]\n",
         b'["\\ud800"]\n',
     ],
 )
@@ -439,25 +408,18 @@ def test_labels_with_other_fields_or_too_many_values_are_refused(built: Path) ->
     assert labels_of(line, 0, label_digest(labels), sensor, actors) == labels
     first, calibration = labels["objects"][0], labels["calibration"]
     forgeries: tuple[Any, ...] = (
-        [{**first, "zz": [{}] * 100}],
         [{**first, "velocity": [0.0] * 4}],
         [{**first, "box3d": {**first["box3d"], "more": 1}}],
-        [{**first, "area": "many"}],
         [{**first, "bbox": [1e308, 0, 1, 1]}],
-        [{**first, "box3d": {**first["box3d"], "rotation": [1e200] * 4}}],
         [{**first, "actor": "ghost"}],
         [{**first, "instance": first["instance"] + 1}],
         [first, first],
         [{**first, "counts": first["counts"] + "0" * 100_000}],
-        [[]],
-        {},
     )
     frames: list[Any] = [
         {**labels, "more": 1},
         {**labels, "frame": 1},
-        {**labels, "time": None},
         {**labels, "calibration": {**calibration, "K": [[1.0] * 3] * 4}},
-        {**labels, "calibration": {**calibration, "distortion": {}}},
         [],
     ]
     for forged in [*({**labels, "objects": objects} for objects in forgeries), *frames]:
@@ -485,27 +447,16 @@ def test_an_unreadable_dataset_is_not_reported_as_damaged(copy: Path, monkeypatc
         datasets.read(copy)
 
 
-def _with_trace(row: dict[str, Any]) -> None:
-    row["trace"] = "0" * 64
+FORGERIES: list[Callable[[dict[str, Any]], Any]] = [
+    lambda row: row.update(trace="0" * 64),
+    lambda row: row["frames"]["street"]["labels"].__setitem__(1, "0" * 64),
+    lambda row: row["frames"]["street"].pop("depth"),
+    lambda row: row["frames"].update(other={"rgb": ["0" * 64]}),
+    lambda row: row.update(intervals={"other": 7}),
+]
 
 
-def _with_labels(row: dict[str, Any]) -> None:
-    row["frames"]["street"]["labels"][1] = "0" * 64
-
-
-def _without_depth(row: dict[str, Any]) -> None:
-    del row["frames"]["street"]["depth"]
-
-
-def _with_another_sensor(row: dict[str, Any]) -> None:
-    row["frames"]["other"] = {"rgb": ["0" * 64]}
-
-
-def _with_intervals(row: dict[str, Any]) -> None:
-    row["intervals"] = {"other": 7}
-
-
-@pytest.mark.parametrize("forge", [_with_trace, _with_labels, _without_depth, _with_another_sensor, _with_intervals])
+@pytest.mark.parametrize("forge", FORGERIES)
 def test_rows_that_variants_share_must_be_equal(copy: Path, forge: Callable[[dict[str, Any]], None]) -> None:
     """Regression: only the last variant of a scene counted, so false digests in all others passed verification."""
     manifest: Any = manifest_of(copy)
