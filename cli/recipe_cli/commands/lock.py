@@ -157,7 +157,7 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
     renamed = previous is not None and previous.source != source and not os.path.lexists(path.parent / previous.source)
     traces, written = trace_bundle.beside(path), False
     if options.with_traces or traces.exists():  # an existing file of traces must not become outdated
-        written = trace_bundle.write(traces, motion, replace=options.replace)  # first: a full disk then keeps both old
+        written = trace_bundle.write(traces, motion)  # first: a full disk then keeps both old
     with host_errors(str(path), "free some space or allow writing, then lock again"):
         written |= (previous is None or renamed) and made.write(path)
     known.close()

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
@@ -149,41 +149,17 @@ def build(dataset: DatasetPlan, out: Path, options: BuildOptions = BuildOptions(
         ) as work,
     ):
         stages = _Stages(dataset, options, store, examined)
-        counts, manifest = stages.run_all(work, out)
+        result = stages.run_all(work, out)
     if trusted:
         remember(store, out, dataset)
     pruning.auto_prune([store.root] if options.cache else pruning.folders(), cache_limit)
-    provenance.record(out, manifest, source)
-    return BuildResult(
-        out,
-        manifest["identity"],
-        manifest,
-        built=True,
-        repaired=damage,
-        resumed=counts.resumed,
-        shards=counts.shards,
-        resumed_frames=counts.resumed_frames,
-        made_frames=counts.made_frames,
-        taken_frames=counts.taken_frames,
-        seconds=stages.timings.seconds,
-        wall=time.perf_counter() - start,
-    )
+    provenance.record(out, result.manifest, source)
+    return replace(result, repaired=damage, wall=time.perf_counter() - start)
 
 
 def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> int:
     """Return how many frames of a stopped build the next build with this cache resumes from."""
     return Workspace(dataset, plain_path(out.absolute()), Store(cache).root).kept()
-
-
-@dataclass(frozen=True)
-class _Counts:
-    """Numbers of shards and frames by origin."""
-
-    shards: int
-    resumed: int
-    resumed_frames: int
-    made_frames: int
-    taken_frames: int
 
 
 @dataclass
@@ -200,8 +176,8 @@ class _Stages:
     def __post_init__(self) -> None:
         self.engines = self.options.engines or real_engines()
 
-    def run_all(self, work: Workspace, out: Path) -> tuple[_Counts, Manifest]:
-        """Run every stage in a workspace, publish the dataset, and return its manifest."""
+    def run_all(self, work: Workspace, out: Path) -> BuildResult:
+        """Run every stage in a workspace, and publish the dataset."""
         options, progress, store = self.options, self.options.progress, self.store
         # Nodes of a cluster may have other devices than this host.
         places = devices(options.device) if options.run is local.run else (options.device,)
@@ -227,14 +203,18 @@ class _Stages:
         work.publish(files)
         assert manifest is not None
         resumed_frames = sum(shard.pictures for shard in resumed)
-        counts = _Counts(
-            len(shards),
-            len(resumed),
-            resumed_frames,
+        return BuildResult(
+            out,
+            manifest["identity"],
+            manifest,
+            built=True,
+            resumed=len(resumed),
+            shards=len(shards),
+            resumed_frames=resumed_frames,
             made_frames=sum(shard.pictures for shard in shards) - resumed_frames,
             taken_frames=sum(len(there.variants) * len(there.frames) for there in taken.values()),
+            seconds=self.timings.seconds,
         )
-        return counts, manifest
 
     @contextmanager
     def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:

@@ -11,7 +11,6 @@ anything is unpacked.
 
 from __future__ import annotations
 
-import tempfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,7 +28,6 @@ _HEAD = b"recipe-traces 1\n"
 # Bytes of a Trace: of its header, and for each actor of the names of its parts, and of a frame.
 _MAX_HEADER, _MAX_NAMES, _MAX_POSE = 1 << 20, 1 << 13, 1 << 10
 _MAX_LINE = 400
-_PIECE = 1 << 16
 
 
 def beside(lockfile: Path) -> Path:
@@ -45,30 +43,17 @@ def dumps(traces: Mapping[str, Trace]) -> bytes:
     """
     pieces = [_HEAD]
     for scene, trace in sorted(traces.items()):
-        size, packed = _packed(trace)
-        pieces += [f"{scene} {trace.digest} {len(packed)} {size}\n".encode(), packed]
+        raw = trace.to_bytes()
+        packed = zlib.compress(raw, 9)
+        pieces += [f"{scene} {trace.digest} {len(packed)} {len(raw)}\n".encode(), packed]
     return b"".join(pieces)
 
 
-def _packed(trace: Trace) -> tuple[int, bytes]:
-    """Return the size of a serialized Trace, and its compressed bytes; only one piece at a time is in memory."""
-    packer, size, packed = zlib.compressobj(9), 0, []
-    for piece in trace.pieces():
-        size += len(piece)
-        packed.append(packer.compress(piece))
-    return size, b"".join([*packed, packer.flush()])
-
-
-def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> bool:
-    """Write a file of traces, unless it has the same content already; return whether it was written.
-
-    Raises:
-        InputError: the path exists, is not a file of traces, and `replace` is not set.
-    """
+def write(path: Path, traces: Mapping[str, Trace]) -> bool:
+    """Write a file of traces in place of any file, unless that has this content; return whether it was written."""
     body = dumps(traces)
     if path.is_file() and path.stat().st_size == len(body) and path.read_bytes() == body:
         return False
-    check_replaceable(path, replace=replace)
     with host_errors(str(path), "free some space or allow writing"):
         write_atomic(path, body)
     return True
@@ -154,25 +139,11 @@ def _entries(body: bytes, locked: Mapping[str, str], limits: Mapping[str, int]) 
 
 
 def _unpacked(packed: memoryview, size: int) -> Trace:
-    """Unpack a Trace into a temporary file; more bytes than `size` are refused before they are written."""
+    """Unpack a Trace; more bytes than `size` are refused before they are unpacked."""
     if not 0 < size <= MAX_BYTES:
         raise ValueError(f"a Trace cannot have {size} bytes")
-    unpacker, left = zlib.decompressobj(), size
-    with tempfile.TemporaryFile() as file:
-        for start in range(0, len(packed), _PIECE):
-            rest: memoryview | bytes = packed[start : start + _PIECE]
-            while rest or not unpacker.eof:
-                piece = unpacker.decompress(rest, _PIECE)
-                rest, left = unpacker.unconsumed_tail, left - len(piece)
-                if left < 0 or unpacker.unused_data:
-                    raise ValueError(_SIZE)
-                if not piece:
-                    break
-                file.write(piece)
-        if left or not unpacker.eof:
-            raise ValueError(_SIZE)
-        file.seek(0)
-        return Trace.from_file(file)
-
-
-_SIZE = "a Trace does not have the stated size"
+    unpacker = zlib.decompressobj()
+    raw = unpacker.decompress(packed, size + 1)
+    if len(raw) != size or not unpacker.eof or unpacker.unused_data:
+        raise ValueError("a Trace does not have the stated size")
+    return Trace.from_bytes(raw)

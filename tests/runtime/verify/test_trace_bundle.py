@@ -78,16 +78,6 @@ def test_a_damaged_file_gives_the_locked_motion_or_is_refused(tmp_path: Path, at
     assert all(LOCKED[scene] == trace.digest for scene, trace in found.items())
 
 
-def test_chunked_compression_gives_the_bytes_of_compression_at_once() -> None:
-    """Traces are compressed in chunks, which must not change the file."""
-    scene = scene_plan(2000)
-    trace = simulate(scene)
-    raw = trace.to_bytes()
-    packed = zlib.compress(raw, 9)
-    head = f"{scene.digest} {trace.digest} {len(packed)} {len(raw)}\n".encode()
-    assert trace_bundle.dumps({scene.digest: trace}) == b"recipe-traces 1\n" + head + packed
-
-
 def test_traces_of_scenes_that_the_recipe_no_longer_has_are_skipped(tmp_path: Path) -> None:
     """Regression: `recipe verify` of a recipe that was changed after `lock --with-traces` reported a damaged file of
     traces instead of the change."""
