@@ -1,4 +1,4 @@
-"""Writes what depends on all frames: annotation files and their check, plans, contact sheets, README and manifest."""
+"""Writes what depends on all frames: annotation files, plans, contact sheets, README and manifest."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import FileRow, Video, by_variant
-from recipe_runtime.annotate.validate import problems
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.core import layout
@@ -60,7 +58,7 @@ class Finisher:
         """Write all files, and return the manifest rows of every file of the dataset, by path."""
         files = self.harvest.files()
         known = self.dataset, self.identity, self.videos
-        annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._motion(trace), self._check]
+        annotate: list[Task] = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._motion(trace)]
         place = layout.recipe_file(self.dataset.recipe) if self.sources else None
         rest = [*self._texts(closing_texts(*known, place)), *self._sheets(), self._recipe]
         for stage, tasks in (("annotate", annotate), ("finish", rest)):
@@ -112,20 +110,6 @@ class Finisher:
                 first, *others = (layout.events_file(name) for name in same)
                 files |= self._shared(self.work.write_pieces(first, pieces), first, others)
         return files
-
-    def _check(self) -> dict[str, FileRow]:
-        """Check that the annotation files agree with the pixels.
-
-        Raises:
-            RunError: an annotation file is wrong, which is an error of this program and not of the recipe.
-        """
-        root = self.work.dataset
-        for path, start in ((layout.KWCOCO, None), (layout.coco_file("rgb"), root)):
-            found = problems(root / path, start) if (root / path).is_file() else []
-            if found:
-                more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-                raise RunError(f"{path} fails its check, which is a fault of this program: {found[0]}{more}")
-        return {}
 
     def _recipe(self) -> dict[str, FileRow]:
         """Write the pack of the recipe."""

@@ -3,7 +3,7 @@
     simulate   simulate every scene once; Traces are stored by digest
     reuse      link the frames that the dataset being replaced has in common with this one
     render     shards of frames, by worker processes: observe, annotate, shade, encode, hash, write
-    annotate   write the annotation files over all frames (kwcoco, COCO, MOTS, tracks), and check them
+    annotate   write the annotation files over all frames (kwcoco, COCO, MOTS, tracks)
     finish     write plans, contact sheets, card and manifest; then publish the dataset by one rename
 
 The bytes do not depend on the number of workers, the order or size of shards, or how often a build was stopped and

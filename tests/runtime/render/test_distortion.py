@@ -13,7 +13,6 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir import optics
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.annotate.masks import masks
-from recipe_runtime.annotate.validate import problems
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
@@ -22,6 +21,7 @@ from recipe_runtime.render.raster.distortion import undistorted_camera
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.renderer import Renderer
 
+from tests.runtime.annotate.validate import problems
 from tests.runtime.render.street import EYE, LOOKS, WEATHERS, appearance, box, ground, parts_at, street
 
 WIDE, HIGH, FOV = 200, 150, 80.0

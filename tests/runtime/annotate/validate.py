@@ -1,4 +1,4 @@
-"""Consistency checks of annotation files before they are published, beyond what format checkers report.
+"""Consistency checks of annotation files, beyond what format checkers report.
 
 Reported are: duplicate frame numbers in a video, duplicate or dangling ids, NaN, boxes and areas that disagree with the
 mask, boxes outside the image, overlapping masks, and missing images. Masks are decoded with pycocotools, which is
