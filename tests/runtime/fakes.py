@@ -289,3 +289,7 @@ UNLOADABLE = Engines(simulate, actor_bodies, _unloadable)
 def tree(root: Path) -> dict[str, bytes]:
     """Return the content of every file below a folder, by its path."""
     return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}
+
+
+def quiet(stage: str, done: int, total: int) -> None:
+    """Report no progress."""

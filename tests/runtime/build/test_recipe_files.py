@@ -25,17 +25,14 @@ from recipe_runtime.verify.recipe_comparison import recipe_differences, unpacked
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
-from tests.runtime.fakes import ENGINES, dataset_plan, tree
+from tests.runtime.fakes import ENGINES, dataset_plan, quiet, tree
+from tests.runtime.forging import edited, rewrite
 
 CASE = Path(__file__).parents[2] / "cases" / "good" / "assets"
 COMPILED = compile_recipe(CASE / "recipe.yaml")
 FILES = {path: (CASE / path).read_bytes() for path in COMPILED.files}
 
 PACK, LOCK = "assets.recipe", "lockfiles/assets.lock"
-
-
-def quiet(stage: str, done: int, total: int) -> None:
-    pass
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +65,7 @@ def checked(root: Path) -> Report:
 def forge(root: Path, files: dict[str, bytes]) -> None:
     """Replace files of the recipe in a dataset, and the row of its pack in the manifest."""
     old = bundle.read(root / PACK)
-    body = Pack(old.recipe, {**old.files, **files}).dumps()
-    (root / PACK).write_bytes(body)
-    manifest = json.loads((root / "manifest.json").read_text())
-    manifest["files"][PACK] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
-    (root / "manifest.json").write_text(json.dumps(manifest))
+    rewrite(root, PACK, Pack(old.recipe, {**old.files, **files}).dumps())
 
 
 def packed_lock(root: Path) -> lockfile.Lockfile:
@@ -210,9 +203,8 @@ def test_a_manifest_whose_recipe_is_another_file_is_damaged(copied: Path, place:
 
 
 def test_a_manifest_without_the_recipe_is_detected(copied: Path) -> None:
-    manifest = json.loads((copied / "manifest.json").read_text())
-    del manifest["recipe_file"]
-    (copied / "manifest.json").write_text(json.dumps(manifest))
+    with edited(copied) as manifest:
+        del manifest["recipe_file"]
     assert PACK in {path for path, _ in damaged_files(datasets.read(copied), quiet)}
 
 

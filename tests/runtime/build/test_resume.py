@@ -32,16 +32,12 @@ from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options
 
-from tests.runtime.fakes import BROKEN, ENGINES, Renderer, Seen, appearance_plan, dataset_plan, simulate, tree
+from tests.runtime.fakes import BROKEN, ENGINES, Renderer, Seen, appearance_plan, dataset_plan, quiet, simulate, tree
 
 PLAN = dataset_plan(frames=8)
 FRAMES = 4 * 2 * 8  # variants, sensors, frames of each
 STOPPED = 5 * 2  # the broken renderer fails in the second shard of the first view, which two variants share
 PICTURE = "weather=w0,jitter=still/street/rgb/000003.png"
-
-
-def quiet(stage: str, done: int, total: int) -> None:
-    pass
 
 
 def counting(frames: list[float]) -> Engines:

@@ -28,7 +28,8 @@ from recipe_runtime.transfer.export import export
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
-from tests.runtime.fakes import ENGINES, dataset_plan, tree
+from tests.runtime.fakes import ENGINES, dataset_plan, quiet, tree
+from tests.runtime.forging import edited
 
 TAKEN, OTHERS = (0, 5, 10), (1, 4, 11)
 STREET = "weather=w0,jitter=shaky/street"
@@ -61,10 +62,6 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made(tmp_path_factory.mktemp("whole"), dataset_plan())
-
-
-def quiet(*_: object) -> None:
-    pass
 
 
 def test_a_plan_without_intervals_does_not_contain_the_field() -> None:
@@ -128,10 +125,9 @@ def test_a_manifest_with_an_invalid_interval_is_damaged(slow: Path, tmp_path: Pa
 def test_intervals_of_a_manifest_are_those_of_its_plan(slow: Path, tmp_path: Path) -> None:
     """Of a sensor that takes one frame only, no number of a frame depends on its interval."""
     root = Path(shutil.copytree(slow, tmp_path / "slow"))
-    manifest = json.loads((root / "manifest.json").read_text())
-    for row in manifest["variants"].values():
-        row["intervals"] = {"street": 4}
-    (root / "manifest.json").write_text(json.dumps(manifest))
+    with edited(root) as manifest:
+        for row in manifest["variants"].values():
+            row["intervals"] = {"street": 4}
     with pytest.raises(InputError, match="has other intervals of frames than its plan"):
         datasets.read(root)
 

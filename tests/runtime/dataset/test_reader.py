@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -33,6 +32,7 @@ from recipe_runtime.dataset.text_files import instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
 from tests.runtime import fakes
+from tests.runtime.forging import rewrite
 
 PLAN = fakes.dataset_plan(frames=4)
 STREET = "weather=w0,jitter=still/street"
@@ -53,15 +53,6 @@ def copy(built: Path, tmp_path: Path) -> Path:
 def manifest_of(root: Path) -> Manifest:
     manifest: Manifest = json.loads((root / "manifest.json").read_text())
     return manifest
-
-
-def rewrite(root: Path, path: str, body: bytes) -> None:
-    """Change a file, and the manifest to match, as a forger would."""
-    (root / path).unlink()
-    (root / path).write_bytes(body)
-    manifest = manifest_of(root)
-    manifest["files"][path] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
-    (root / "manifest.json").write_text(json.dumps(manifest))
 
 
 def damage(root: Path) -> list[str]:

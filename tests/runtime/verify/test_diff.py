@@ -16,15 +16,11 @@ from recipe_runtime.verify.documents import walk
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Difference
 
-from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.runtime.fakes import ENGINES, dataset_plan, quiet
 
 
 def _locked(plan: DatasetPlan, files: dict[str, str] | None = None) -> Lockfile:
-    return lock(plan, "tiny.yaml", files or {"tiny.yaml": "aa"}, workers=0, progress=_silent, engines=ENGINES)
-
-
-def _silent(*_: object) -> None:
-    pass
+    return lock(plan, "tiny.yaml", files or {"tiny.yaml": "aa"}, workers=0, progress=quiet, engines=ENGINES)
 
 
 @pytest.fixture(scope="module")

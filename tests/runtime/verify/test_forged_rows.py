@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from dataclasses import replace
@@ -30,10 +29,8 @@ from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
 from tests.runtime import fakes
-
-
-def quiet(stage: str, done: int, total: int) -> None:
-    pass
+from tests.runtime.fakes import quiet
+from tests.runtime.forging import edited, rewrite
 
 
 def three_scenes() -> DatasetPlan:
@@ -85,10 +82,9 @@ def check_folder(root: Path) -> Report:
 
 def edit_manifest(root: Path, edit: Any) -> None:
     """Change a manifest and make its identity agree, as a forger would."""
-    manifest = json.loads((root / "manifest.json").read_text())
-    edit(manifest)
-    manifest["identity"] = datasets.lock_of(manifest).identity
-    (root / "manifest.json").write_text(pretty(manifest))
+    with edited(root) as manifest:
+        edit(manifest)
+        manifest["identity"] = datasets.lock_of(manifest).identity
 
 
 def test_an_unchanged_dataset_passes_without_notes(built: Path) -> None:
@@ -99,10 +95,7 @@ def test_an_unchanged_dataset_passes_without_notes(built: Path) -> None:
 @pytest.mark.parametrize("variant", ["v=0", "v=1", "v=2"])
 def test_forged_tracks_fail_though_no_frame_of_the_scene_is_sampled(copy: Path, variant: str) -> None:
     path, text = f"{variant}/tracks.csv", b"frame,forged\n0,1\n"
-    (copy / path).unlink()
-    (copy / path).write_bytes(text)
-    row = {"size": len(text), "sha256": hashlib.sha256(text).hexdigest()}
-    edit_manifest(copy, lambda manifest: manifest["files"].update({path: row}))
+    rewrite(copy, path, text)
     report = check_folder(copy)
     assert report.verdict == "FAIL"
     assert any(d.path == path for d in report.differences)
@@ -134,9 +127,7 @@ def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile,
     bodies = {key: replace(motion, digest="ab" * 32) for key, motion in locked.bodies.items()}
     for written, stages in ((locked, set()), (replace(locked, bodies=bodies), {"trace"})):
         body = Pack("tiny.yaml", {"tiny.yaml": b"", name: written.dumps().encode()}).dumps()
-        (copy / path).write_bytes(body)
-        row = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
-        edit_manifest(copy, lambda manifest, row=row: manifest["files"].update({path: row}))
+        rewrite(copy, path, body)
         edit_manifest(copy, lambda manifest: manifest.update(recipe_file=path))
         found = [d for d in check_folder(copy).differences if d.message.startswith(f"{path}/{name}: ")]
         assert {d.stage for d in found if d.excuse is None} == stages

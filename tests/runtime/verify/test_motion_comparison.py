@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, Pose, ScenePlan
 from recipe_runtime.build.pipeline import BuildOptions, build
@@ -29,16 +28,14 @@ from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
+from tests.runtime.fakes import quiet
+from tests.runtime.forging import edited
 from tests.runtime.render import street
 from tests.runtime.render.street import box
 
 PLAN = fakes.dataset_plan(frames=4, weathers=1)
 ELSEWHERE = {**host_versions(), "glibc": "2.31"}
 RGB = "weather=w0,jitter=still/street/rgb/000002.png"
-
-
-def quiet(stage: str, done: int, total: int) -> None:
-    pass
 
 
 def moved(scene: ScenePlan) -> Trace:
@@ -226,12 +223,11 @@ def test_a_dataset_is_excused_by_its_tracks(tmp_path: Path, tracks: str) -> None
     assert {(d.stage, d.frame) for d in report.differences if d.frame is not None} == {("shading", 3)}
     if tracks == "this host's":
         build(PLAN, tmp_path / "here", BuildOptions(workers=0, cache=tmp_path / "cache2", engines=SHADOWS))
-        manifest = json.loads((root / "manifest.json").read_text())
-        here = json.loads((tmp_path / "here" / "manifest.json").read_text())
-        for path in [path for path in manifest["files"] if path.endswith("tracks.csv")]:
-            shutil.copy(tmp_path / "here" / path, root / path)
-            manifest["files"][path] = here["files"][path]
-        (root / "manifest.json").write_text(pretty(manifest))
+        with edited(root) as manifest:
+            here = json.loads((tmp_path / "here" / "manifest.json").read_text())
+            for path in [path for path in manifest["files"] if path.endswith("tracks.csv")]:
+                shutil.copy(tmp_path / "here" / path, root / path)
+                manifest["files"][path] = here["files"][path]
         report = check_folder(root, SHADOWS)
         assert report.verdict == "FAIL"
         assert {d.frame for d in report.differences if d.excuse is None and d.frame is not None} == {3}
@@ -245,9 +241,8 @@ def test_a_datasets_pictures_must_have_its_digests(built: Path, tmp_path: Path) 
     (root / RGB).unlink()
     Image.new("RGB", (64, 48), (255, 0, 0)).save(root / RGB)
     body = (root / RGB).read_bytes()
-    manifest = json.loads((root / "manifest.json").read_text())
-    manifest["files"][RGB] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
-    (root / "manifest.json").write_text(pretty(manifest))
+    with edited(root) as manifest:
+        manifest["files"][RGB] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
     report = check_folder(root)
     assert report.verdict == "FAIL"
     (fault,) = [d for d in report.differences if d.excuse is None]

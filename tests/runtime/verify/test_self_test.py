@@ -21,13 +21,9 @@ from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.verify import self_test
 from recipe_runtime.verify.locking import lock
 
-from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.runtime.fakes import ENGINES, dataset_plan, quiet
 
 PLAN = dataset_plan(frames=3, weathers=1)
-
-
-def quiet(*_: object) -> None:
-    pass
 
 
 @pytest.fixture

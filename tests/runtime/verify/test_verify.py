@@ -5,8 +5,6 @@ The engines are those of fakes.py, so that each stage can be changed separately.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import random
 import re
 import shutil
@@ -18,7 +16,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, DatasetPlan, ScenePlan
@@ -37,13 +34,11 @@ from recipe_runtime.verify.verdict import Difference, Report
 from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
+from tests.runtime.fakes import quiet
+from tests.runtime.forging import edited, rewrite
 
 PLAN = fakes.dataset_plan(frames=6, weathers=2)
 FILES = {"tiny.yaml": "a" * 64}
-
-
-def quiet(stage: str, done: int, total: int) -> None:
-    pass
 
 
 @pytest.fixture(scope="module")
@@ -301,11 +296,9 @@ def test_forged_labels_are_not_excused_by_a_tool(built: Path, tmp_path: Path) ->
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     path = "annotations/kwcoco.json"
-    (root / path).write_bytes((root / path).read_bytes().replace(b"hero1", b"hero7", 1))
-    _reseal(root, path)
-    manifest = json.loads((root / "manifest.json").read_text())
-    manifest["tools"] |= {"dataset-recipe": "0.0.9", "pycocotools": "1.0"}
-    (root / "manifest.json").write_text(pretty(manifest))
+    rewrite(root, path, (root / path).read_bytes().replace(b"hero1", b"hero7", 1))
+    with edited(root) as manifest:
+        manifest["tools"] |= {"dataset-recipe": "0.0.9", "pycocotools": "1.0"}
     assert check_folder(root).verdict == "FAIL"
 
 
@@ -419,17 +412,6 @@ def test_a_manifest_with_inconsistent_digests_is_reported(built: Path, tmp_path:
     assert (report.verdict, report.stage) == ("FAIL", "lockfile")
 
 
-def _reseal(root: Path, path: str) -> None:
-    """Update the manifest for a changed or removed file, as a forger would."""
-    manifest = json.loads((root / "manifest.json").read_text())
-    if (root / path).is_file():
-        body = (root / path).read_bytes()
-        manifest["files"][path] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
-    else:
-        del manifest["files"][path]
-    (root / "manifest.json").write_text(pretty(manifest))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
@@ -451,9 +433,7 @@ def test_a_forged_text_is_detected_though_the_manifest_agrees(built: Path, tmp_p
     shutil.copytree(built, root)
     text = (root / path).read_text()
     forged = re.sub(r"\d", lambda digit: str(9 - int(digit[0])), text, count=1)
-    (root / path).unlink()
-    (root / path).write_text(forged)
-    _reseal(root, path)
+    rewrite(root, path, forged.encode())
     try:
         report = check_folder(root)
     except InputError as error:  # a plan that differs from the manifest is refused on reading
@@ -467,12 +447,10 @@ def test_a_text_of_another_release_is_inconclusive(built: Path, tmp_path: Path) 
     """The text of the card may change between releases, which does not make a dataset forged."""
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
-    (root / "README.md").write_text((root / "README.md").read_text() + "\nIn other words.\n")
-    _reseal(root, "README.md")
+    rewrite(root, "README.md", (root / "README.md").read_bytes() + b"\nIn other words.\n")
     assert check_folder(root).verdict == "FAIL"
-    manifest = json.loads((root / "manifest.json").read_text())
-    manifest["tools"]["dataset-recipe"] = "0.0.9"
-    (root / "manifest.json").write_text(pretty(manifest))
+    with edited(root) as manifest:
+        manifest["tools"]["dataset-recipe"] = "0.0.9"
     report = check_folder(root)
     assert (report.verdict, report.stage) == ("INCONCLUSIVE", "file")
     assert "made with dataset-recipe 0.0.9" in str(report.differences[0])
