@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
-from typing import Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
@@ -40,18 +40,7 @@ MAX_WAIT_FOR_NODES = 60  # seconds without any usable node after which the build
 _OTHER_RELEASE = "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
 
 
-class _RemoteMethod(Protocol):
-    def remote(self, *arguments: object) -> ObjectRef: ...
-
-
-class _WorkerHandle(Protocol):
-    """Ray's handle of a `RemoteWorker`."""
-
-    do: _RemoteMethod
-    leave: _RemoteMethod
-
-
-ObjectRef: TypeAlias = object  # Ray's reference to a result
+Remote: TypeAlias = Any  # Ray's handle of a `RemoteWorker`, or its reference to a result
 
 
 @dataclass(frozen=True)
@@ -219,8 +208,8 @@ class _RemotePool:
         self._inputs_ref = ray.put(JobInputs.of(job))
         needs = {"num_gpus": 1, "num_cpus": 0} if on_gpu else {"num_cpus": 1}
         self._remote = ray.remote(**needs)(RemoteWorker).options(runtime_env={"env_vars": PINNED})
-        self._workers: list[_WorkerHandle] = []
-        self._pending: dict[ObjectRef, tuple[_WorkerHandle, Shard]] = {}
+        self._workers: list[Remote] = []
+        self._pending: dict[Remote, tuple[Remote, Shard]] = {}
         self._rest: deque[Shard] = deque()
         self._losses: dict[Shard, int] = {}
         self._waited = 0  # seconds without a node
@@ -267,7 +256,7 @@ class _RemotePool:
     def _needs_workers(self) -> bool:
         return bool(self._rest) and len(self._workers) < self._count
 
-    def _result(self, reference: ObjectRef, worker: _WorkerHandle, shard: Shard) -> ShardResult | None:
+    def _result(self, reference: Remote, worker: Remote, shard: Shard) -> ShardResult | None:
         """Return a shard's result; None if its worker was lost and the shard was queued again."""
         errors = self._ray.exceptions
         try:
