@@ -487,13 +487,6 @@ def test_diff_suggests_no_update_of_the_lockfile_of_another_recipe(recipe: Run) 
     assert "`recipe lock --update` updates it" in recipe("diff", "a.yaml", "b.yaml").stderr
 
 
-def test_an_integrity_check_prints_no_nonce(recipe: Run) -> None:
-    """It draws no sample."""
-    write("a.yaml", RECIPE)
-    assert recipe("build", "a.yaml").exit_code == 0
-    assert "nonce" not in recipe("verify", "datasets/small", "--integrity").stdout
-
-
 @pytest.mark.parametrize("place", ["odd\udcff.yaml", "odd\udcff/a.yaml"])
 def test_a_recipe_whose_path_is_not_utf_8_is_refused_before_the_work(recipe: Run, place: str) -> None:
     """Lockfiles, packs and records of datasets contain the path; they were not written, after all the work."""

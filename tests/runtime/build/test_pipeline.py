@@ -108,10 +108,6 @@ def test_the_manifest_lists_every_file_with_its_size_and_digest(made: BuildResul
     assert all(path.startswith("preview/") for path in made.manifest["pictures"])
 
 
-def test_the_card_contains_the_identity(made: BuildResult) -> None:
-    assert made.identity in (made.path / "README.md").read_text()
-
-
 def test_equal_labels_are_one_file(made: BuildResult) -> None:
     one, other = (made.path / f"weather={w},jitter=still" for w in ("w0", "w1"))
     for modality in ("depth", "instance", "semantic"):

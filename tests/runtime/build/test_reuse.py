@@ -67,12 +67,15 @@ def test_one_changed_weather_renders_one_appearance(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_removed_value_renders_nothing(tmp_path: Path) -> None:
+def test_a_removed_value_and_a_renamed_variant_render_nothing(tmp_path: Path) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=3))
-    smaller = _build(tmp_path / "a", dataset_plan(frames=6, weathers=1), calls)
+    less = dataset_plan(frames=6, weathers=1)
+    renamed = tuple(v.model_copy(update={"variant": v.variant.replace("w0", "dry")}) for v in less.variants)
+    changed_plan = _changed(less, variants=renamed)
+    changed = _build(tmp_path / "a", changed_plan, calls)
     assert calls == []
-    assert tree(smaller.path) == _fresh(tmp_path / "b", dataset_plan(frames=6, weathers=1))
+    assert tree(changed.path) == _fresh(tmp_path / "b", changed_plan)
 
 
 @pytest.mark.slow
@@ -92,18 +95,6 @@ def test_a_new_sensor_does_not_render_the_others_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_renamed_variant_renders_nothing(tmp_path: Path) -> None:
-    calls: Calls = []
-    plan = dataset_plan(frames=6, weathers=1)
-    _build(tmp_path / "a", plan)
-    renamed = tuple(v.model_copy(update={"variant": v.variant.replace("w0", "dry")}) for v in plan.variants)
-    changed_plan = _changed(plan, variants=renamed)
-    changed = _build(tmp_path / "a", changed_plan, calls)
-    assert calls == []
-    assert tree(changed.path) == _fresh(tmp_path / "b", changed_plan)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("path", ["street/rgb/000003.png", "street/depth/000002.png", "side/labels.jsonl"])
 def test_a_damaged_file_is_not_reused(tmp_path: Path, path: str) -> None:
     first, second = dataset_plan(frames=6, weathers=1), dataset_plan(frames=6, weathers=2)
@@ -115,19 +106,14 @@ def test_a_damaged_file_is_not_reused(tmp_path: Path, path: str) -> None:
 
 
 @pytest.mark.slow
-def test_an_untrusted_dataset_is_not_reused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("other", ["host", "version"])
+def test_an_untrusted_dataset_is_not_reused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, other: str) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
-    (tmp_path / "a" / "cache").rename(tmp_path / "a" / "gone")  # so the dataset is not known to be of this host
-    _build(tmp_path / "a", dataset_plan(frames=6, weathers=2), calls)
-    assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
-
-
-@pytest.mark.slow
-def test_a_dataset_of_another_version_is_not_reused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: Calls = []
-    _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
-    monkeypatch.setattr(reuse_module, "builder_identity", lambda: "another")
+    if other == "version":
+        monkeypatch.setattr(reuse_module, "builder_identity", lambda: "another")
+    else:
+        (tmp_path / "a" / "cache").rename(tmp_path / "a" / "gone")  # so the dataset is not known to be of this host
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=2), calls)
     assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
 

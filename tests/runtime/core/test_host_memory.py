@@ -37,10 +37,6 @@ def test_the_smallest_limit_applies(tmp_path: Path, groups: str, limits: dict[st
     assert host.total_memory(_host(tmp_path, groups, limits)) == total
 
 
-def test_without_control_groups_the_machines_memory_applies(tmp_path: Path) -> None:
-    assert host.total_memory(tmp_path) == MACHINE
-
-
 def test_a_limit_of_address_space_applies_to_each_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (700 << 20, resource.RLIM_INFINITY))
     assert host.process_memory_limit() == 700 << 20

@@ -19,7 +19,6 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import trace as trace_module
 from recipe_runtime.core.trace import Trace, TraceWriter, frame_bytes
 from recipe_runtime.core.transforms import part_transforms
-from recipe_runtime.dataset.tracks import tracks_csv
 
 from tests.runtime.fakes import scene_plan, simulate
 
@@ -125,17 +124,7 @@ def test_a_trace_of_the_store_is_memory_mapped_and_read_only(tmp_path: Path) -> 
     assert trace.to_bytes() == simulate(scene).to_bytes()
 
 
-def _arrays(trace: Trace) -> tuple[NDArray[np.generic], ...]:
-    return trace.positions, trace.rotations, trace.linear, trace.angular
-
-
 def test_many_frames_at_once_equal_single_frames() -> None:
     trace = _random(5, [2], 1)
     some = part_transforms(trace, slice(1, 4))
     assert (some == np.stack([part_transforms(trace, k) for k in (1, 2, 3)])).all()
-
-
-def test_tracks_are_written_in_chunks_of_frames() -> None:
-    scene = scene_plan(35)
-    pieces = list(tracks_csv(scene, simulate(scene)))
-    assert [piece.count(b"\n") for piece in pieces] == [1, 48, 48, 9]

@@ -73,12 +73,6 @@ def test_the_first_frames_of_a_scene_have_their_own_digest(frames: int) -> None:
     assert part.model_dump(exclude={"clock"}) == scene.model_dump(exclude={"clock"})
 
 
-def test_a_shot_reports_simulation_and_rendering(tmp_path: Path) -> None:
-    seen: list[tuple[str, int, int]] = []
-    shot(SCENARIO, engines=ENGINES, store=Store(tmp_path), progress=lambda *step: seen.append(step))
-    assert seen == [("render", 0, 1), ("render", 1, 1)]
-
-
 @pytest.mark.parametrize("as_json", [False, True])
 def test_the_command_shows_progress_except_with_json(
     as_json: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
