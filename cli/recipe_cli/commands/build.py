@@ -140,8 +140,6 @@ def _inputs(request: Request) -> Inputs:
         InputError: the arguments contradict each other, the recipe does not compile, it does not match a lockfile that
             it must match, or the URL cannot be reached or holds the dataset of another recipe.
     """
-    from recipe_runtime.transfer.upload import Target
-
     recipe, output, target = request.recipe, request.output, None
     check_utf8(request.source)
     folder = _named_folder(request)
@@ -155,6 +153,8 @@ def _inputs(request: Request) -> Inputs:
     if to_build.plan.digest != compiled.plan.digest:
         files = None  # a dataset contains no recipe of which it is a part
     if output and "://" in output:
+        from recipe_runtime.transfer.upload import Target
+
         target = Target(output, folder)
         if not request.replace:
             target.check_replaceable(compiled.plan.recipe)
