@@ -192,25 +192,19 @@ def _check(recipe: str, sizes: Mapping[str, int]) -> None:
         raise InputError("the recipe is not among its files")
     if len(sizes) > MAX_FILES or sum(sizes.values()) > MAX_BYTES:
         raise InputError(f"a pack holds at most {MAX_FILES:,} files and {MAX_BYTES >> 20} MiB")
-    taken: dict[str, str] = {}
+    folders = set[str]()
     for path in sizes:
         parts = path.split("/")
         if path in (_INDEX, _LOCKFILES) or len(path) > _MAX_PATH or not all(_PART.fullmatch(part) for part in parts):
             raise InputError(
                 f"{path!r} cannot be a file of a pack; use letters, digits and ._+=,@- in names, and no dot first"
             )
-        for n in range(len(parts), 0, -1):  # no two names that differ in case only, no file that is a folder
-            place = "/".join(parts[:n])
-            if n < len(parts) and place in sizes:
-                raise InputError(f"{place!r} cannot be a file and a folder of a pack")
-            other = taken.get(place.casefold())
-            if other == place:
-                break  # the folders above it are known
-            if other is not None:
-                raise InputError(f"{path!r} and {other!r} cannot both be in a pack; rename one")
-            taken[place.casefold()] = place
-        if len(taken) > len(sizes) + MAX_FOLDERS:
+        folders |= {"/".join(parts[:n]) for n in range(1, len(parts))}
+        if len(folders) > MAX_FOLDERS:
             raise InputError(f"a pack holds at most {MAX_FOLDERS:,} folders")
+    both = min(folders & sizes.keys(), default=None)
+    if both is not None:
+        raise InputError(f"{both!r} cannot be a file and a folder of a pack")
 
 
 def _check_used(path: Path, pack: Pack, used_files: UsedFiles | None) -> None:

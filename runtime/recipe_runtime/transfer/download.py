@@ -11,8 +11,8 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path, PurePosixPath
+from contextlib import contextmanager
+from pathlib import Path
 from typing import BinaryIO
 
 from recipe_compiler.ir.errors import Code, InputError, RunError
@@ -22,7 +22,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import listed_files
 from recipe_runtime.dataset.manifest_reader import MAX_BYTES
-from recipe_runtime.transfer.stores import PIECE, UNKNOWN, Store
+from recipe_runtime.transfer.stores import PIECE, Store
 
 MAX_SHOWN = 1_000  # limit of surplus files that are represented
 
@@ -57,7 +57,7 @@ class _Download:
 
     def all(self, progress: Progress) -> None:
         rows, sizes = self._manifest(), self._store.sizes()
-        self._check_free_space(sum(size for path, (size, _) in rows.items() if sizes.get(path) in (size, UNKNOWN)))
+        self._check_free_space(sum(size for path, (size, _) in rows.items() if sizes.get(path) == size))
         wanted = [path for path in rows if path in sizes and path != layout.MANIFEST]
         progress("fetch", 0, len(wanted))
         self._store.each(
@@ -65,7 +65,7 @@ class _Download:
             wanted,
             lambda done: progress("fetch", done, len(wanted)),
         )
-        self._represent_surplus(sorted(sizes.keys() - {*rows, layout.MANIFEST}), {*rows, layout.MANIFEST})
+        self._represent_surplus(sorted(sizes.keys() - {*rows, layout.MANIFEST}))
 
     def _manifest(self) -> dict[str, tuple[int, str]]:
         """Download the manifest and return the files that it lists."""
@@ -99,12 +99,9 @@ class _Download:
             )
 
     def _fetch(self, path: str, listed: int, size: int) -> None:
-        """Download a file, at most its listed size; a file that has disappeared is skipped."""
-        if size in (listed, UNKNOWN):
-            try:
-                self._copy(path, listed)
-            except FileNotFoundError:  # deleted since it was listed; verification of the folder reports it
-                (self._root / path).unlink(missing_ok=True)
+        """Download a file, at most its listed size."""
+        if size == listed:
+            self._copy(path, listed)
         else:
             self._make(path).close()
             os.truncate(self._root / path, size)  # sparse, so it takes no space
@@ -115,17 +112,17 @@ class _Download:
             for piece in _pieces(source, most):
                 target.write(piece)
 
-    def _represent_surplus(self, surplus: list[str], files: set[str]) -> None:
+    def _represent_surplus(self, surplus: list[str]) -> None:
         """Create an empty file for each one that the manifest does not list.
 
         Raises:
-            InputError: one is below a file of the dataset, which no folder can represent.
+            InputError: an object store has both `a` and `a/b`, which no folder can represent.
         """
         for path in surplus[:MAX_SHOWN]:
-            if any(above.as_posix() in files for above in PurePosixPath(path).parents):
-                raise InputError(f"{self._url} holds {path}, in a file of the dataset as in a folder; remove it")
-            with suppress(FileExistsError, NotADirectoryError):  # an object store may have both `a` and `a/b`
+            try:
                 self._make(path).close()
+            except (FileExistsError, NotADirectoryError):
+                raise InputError(f"{self._url} holds {path} twice: as a file and as a folder; remove it") from None
 
     def _make(self, path: str) -> BinaryIO:
         place = self._root / path

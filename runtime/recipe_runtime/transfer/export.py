@@ -23,7 +23,6 @@ from recipe_runtime.core.documents import decode_exactly
 from recipe_runtime.core.files import entries_below, has_content, host_errors, is_folder, plain_path, read_inside
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.staged_folder import Index, Notice, StagedFolder, check_place, ignore, is_free
-from recipe_runtime.dataset.plan_checks import byte_count
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer import formats
 from recipe_runtime.transfer.formats.format import Entry, Options, Remarks, Row, Size
@@ -176,9 +175,6 @@ def _listed(dataset: Dataset, folder: Path) -> dict[str, tuple[int, str]] | None
 def _complete(dataset: Dataset, out: Path, empty: Mapping[str, object]) -> list[Row] | None:
     """Return the rows of a complete export, all files of which have the bytes that its index records.
 
-    No more bytes are hashed than exports of the dataset can have: a sparse file of any size needs no space in an
-    archive.
-
     Args:
         dataset: The dataset.
         out: The folder.
@@ -189,6 +185,6 @@ def _complete(dataset: Dataset, out: Path, empty: Mapping[str, object]) -> list[
         return None
     rows = _rows(index)
     found = {path.relative_to(out).as_posix() for path in entries_below(out) if not is_folder(path)}
-    if found != {INDEX, *(row["file"] for row in rows)} or sum(r["size"] for r in rows) > 2 * byte_count(dataset.plan):
+    if found != {INDEX, *(row["file"] for row in rows)}:
         return None
     return rows if all(has_content(out, row["file"], row["size"], row["sha256"]) for row in rows) else None

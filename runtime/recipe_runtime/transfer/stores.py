@@ -17,12 +17,8 @@ from recipe_compiler.ir.errors import Code, InputError, RecipeError, RunError
 
 from recipe_runtime.core import urls
 from recipe_runtime.dataset.manifest import stays_inside
-from recipe_runtime.dataset.plan_checks import MAX_FILES
 
 PIECE = 1 << 20  # bytes of a file that are read at once
-UNKNOWN = -1  # size of a file whose store does not report it
-MAX_SURPLUS = 100_000  # limit of files beyond those of the largest dataset
-_LARGEST = 1 << 40  # files of at least this size are listed with it
 _AT_ONCE = 8  # concurrent transfers
 
 
@@ -87,27 +83,24 @@ class Store:
         self.folder = Path(self._prefix) if name == "file" else None
 
     def sizes(self) -> dict[str, int]:
-        """Return the size of each file, by path, as the store states it; `UNKNOWN` where it states none.
+        """Return the size of each file, by path, as the store states it.
 
         Raises:
-            InputError: a name leads out of the folder, or there are far more files than a dataset has.
+            InputError: a name leads out of the folder.
         """
         strict = {} if self._fs.async_impl else {"on_error": "raise"}  # else they omit a folder that they cannot list
         try:
             found = self._fs.find(self._prefix, detail=True, **strict)
         except FileNotFoundError:
             return {}
-        if len(found) > MAX_FILES + MAX_SURPLUS:
-            raise InputError(f"{self.url} holds far more files than a dataset; remove the others")
         sizes = dict[str, int]()
         for name, row in found.items():
-            size = row.get("size")
-            if name.rstrip("/") == self._prefix or (name.endswith("/") and size == 0):  # as some stores keep a folder
+            if name.rstrip("/") == self._prefix or (name.endswith("/") and row["size"] == 0):  # a folder of some stores
                 continue
             path = name.removeprefix(f"{self._prefix}/")
             if path == name or not stays_inside(path):
                 raise InputError(f"{self.url} holds {ascii(name)[:200]}, which is not a path in a dataset; remove it")
-            sizes[path] = UNKNOWN if size is None else min(max(int(size), 0), _LARGEST)
+            sizes[path] = int(row["size"])
         return sizes
 
     def open(self, path: str) -> BinaryIO:

@@ -49,6 +49,12 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="session")
+def built(tiny: Dataset) -> Path:
+    """Return the folder of `tiny`."""
+    return tiny.root
+
+
+@pytest.fixture(scope="session")
 def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("attacked") / "recipe.yaml"
     path.write_text(RECIPE)

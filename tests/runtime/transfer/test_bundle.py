@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import json
 import os
-import tracemalloc
 import zipfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -15,7 +13,6 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import InputError, Place, Problem
-from recipe_compiler.lowering.patches.texture_files import MAX_SEQUENCE
 from recipe_runtime.transfer.bundle import MAX_FILES, Pack, identity, read, unpacked
 
 FILES = {"street.yaml": b"recipe: street\n", "common/base.yaml": b"town: downtown\n", "lockfiles/street.lock": b"x\n"}
@@ -31,10 +28,6 @@ def _written(folder: Path, body: bytes) -> Path:
 def test_a_pack_round_trips(tmp_path: Path) -> None:
     found = read(_written(tmp_path, PACK.dumps()))
     assert (found.recipe, dict(found.files)) == ("street.yaml", FILES)
-
-
-def test_order_of_files_does_not_matter() -> None:
-    assert Pack("street.yaml", dict(reversed(FILES.items()))).dumps() == PACK.dumps()
 
 
 def test_the_byte_form_is_pinned() -> None:
@@ -74,8 +67,16 @@ def _zip(entries: list[tuple[zipfile.ZipInfo | str, bytes]], kind: int = zipfile
     return out.getvalue()
 
 
-def _index(files: dict[str, bytes], recipe: str = "street.yaml") -> tuple[str, bytes]:
-    return "pack.json", json.dumps({"format": "recipe/pack/1", "recipe": recipe, "files": {}}).encode()
+def _indexed(paths: Iterable[str] = (), recipe: str = "street.yaml") -> tuple[str, bytes]:
+    """Return an index of a recipe and other files."""
+    files = dict.fromkeys(sorted(["street.yaml", *paths]), "0" * 64)
+    return "pack.json", canonical_bytes({"format": "recipe/pack/1", "recipe": recipe, "files": files})
+
+
+def _pack(*entries: tuple[zipfile.ZipInfo | str, bytes], kind: int = zipfile.ZIP_STORED) -> bytes:
+    """Return a pack of entries with an index that lists them."""
+    names = [entry if isinstance(entry, str) else entry.filename for entry, _ in entries]
+    return _zip([_indexed(names), *entries, ("street.yaml", b"a")], kind)
 
 
 def _link() -> zipfile.ZipInfo:
@@ -84,29 +85,23 @@ def _link() -> zipfile.ZipInfo:
     return entry
 
 
-def _escape(name: str) -> bytes:
-    return _zip([_index({}), ("street.yaml", b"a"), (name, b"evil")])
-
-
 HOSTILE: dict[str, Callable[[], bytes]] = {
     "nothing": lambda: b"",
     "no zip": lambda: b"recipe: street\n" * 100,
-    "an empty zip": lambda: _zip([]),
     "no index": lambda: _zip([("street.yaml", b"a")]),
     "an index that is not a map": lambda: _zip([("pack.json", b"[]"), ("street.yaml", b"a")]),
     "a deep index": lambda: _zip([("pack.json", b"[" * 100_000)]),
     "another format": lambda: _zip([("pack.json", b'{"format": "recipe/pack/9"}')]),
-    "a recipe that is missing": lambda: _zip([_index({}, "gone.yaml"), ("street.yaml", b"a")]),
-    "a way up": lambda: _escape("../evil.yaml"),
-    "a way up inside": lambda: _escape("common/../../evil.yaml"),
-    "an absolute path": lambda: _escape("/etc/evil"),
-    "a windows path": lambda: _escape("..\\evil"),
-    "a hidden file": lambda: _escape(".bashrc"),
-    "a name with control characters": lambda: _escape("a\x1b[2J"),
-    "a link": lambda: _zip([_index({}), ("street.yaml", b"a"), (_link(), b"/etc")]),
+    "a recipe that is missing": lambda: _zip([_indexed(recipe="gone.yaml"), ("street.yaml", b"a")]),
+    "a way up": lambda: _pack(("common/../../evil.yaml", b"evil")),
+    "an absolute path": lambda: _pack(("/etc/evil", b"evil")),
+    "a hidden file": lambda: _pack((".bashrc", b"evil")),
+    "a name with control characters": lambda: _pack(("a\x1b[2J", b"evil")),
+    "a file that is a folder": lambda: _pack(("a", b""), ("a/b", b"")),
+    "a repeated name": lambda: _pack(("a.yaml", b"a"), ("a.yaml", b"b")),
+    "a link": lambda: _pack((_link(), b"/etc")),
     "data after the content of an entry": lambda: PACK.dumps().replace(b"recipe: street\n", b"recipe: street\n\n"),
-    "a compressed entry": lambda: _zip([_index({}), ("street.yaml", b"a" * 10_000)], zipfile.ZIP_DEFLATED),
-    "a bomb": lambda: _zip([_index({}), ("street.yaml", b"\0" * (1 << 22))], zipfile.ZIP_DEFLATED),
+    "a bomb": lambda: _pack(("a.bin", b"\0" * (1 << 22)), kind=zipfile.ZIP_DEFLATED),
     "bytes before it": lambda: b"#!/bin/sh\n" + PACK.dumps(),
     "bytes after it": lambda: PACK.dumps() + b"\n",
     "a date": lambda: PACK.dumps().replace(b"\x00\x00\x21\x00", b"\x01\x00\x21\x00"),
@@ -114,6 +109,7 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:Duplicate name")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_hostile_pack_is_refused(tmp_path: Path, name: str) -> None:
     path = _written(tmp_path, HOSTILE[name]())
@@ -123,26 +119,17 @@ def test_a_hostile_pack_is_refused(tmp_path: Path, name: str) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_a_repeated_name_is_refused(tmp_path: Path) -> None:
-    body = _zip([_index({}), ("street.yaml", b"a"), ("street.yaml", b"b")])
-    with pytest.raises(InputError, match="is not a valid pack"):
-        read(_written(tmp_path, body))
-
-
 @pytest.mark.parametrize(
     "files",
     [
-        {"a.yaml": b"", "A.yaml": b""},
         {"a": b"", "a/b": b""},
-        {"Common/a": b"", "common/b": b""},
         {"a.yaml": b"", "pack.json": b""},
         {"a.yaml": b"", "lockfiles": b""},
         {"a.yaml": b"", "x" * 201: b""},
         {"a.yaml": b"", "ümlaut": b""},
     ],
 )
-def test_names_that_some_file_systems_consider_equal_are_refused(files: dict[str, bytes]) -> None:
+def test_names_that_a_pack_cannot_have_are_refused(files: dict[str, bytes]) -> None:
     with pytest.raises(InputError, match="pack"):
         Pack(next(iter(files)), files).dumps()
 
@@ -163,49 +150,17 @@ def test_any_changed_byte_is_detected(tmp_path: Path, at: int, value: int, cut: 
             read(path)
 
 
-@pytest.mark.slow
-def test_a_large_pack_is_read_without_copies(tmp_path: Path) -> None:
-    """Regression: refusing a pack of 500 MiB took 1.57 GB, for its bytes, its files and the pack made of these."""
-    size = 64 << 20
-    path = _written(tmp_path, Pack("a.yaml", {"a.yaml": b"a", "x.bin": bytes(size)}).dumps())
-    tracemalloc.start()
-    try:
-        read(path)
-        assert tracemalloc.get_traced_memory()[1] < 1.1 * size
-    finally:
-        tracemalloc.stop()
-
-
-def test_a_long_sequence_of_images_is_packed(tmp_path: Path) -> None:
-    """A recipe may name a folder of 10,000 images, one for each frame, in each of several variants."""
-    names = [f"frames_{n // MAX_SEQUENCE}/{n % MAX_SEQUENCE:06d}.png" for n in range(2 * MAX_SEQUENCE)]
-    files = {"a.yaml": b"a", **dict.fromkeys(names, b"png")}
-    assert dict(read(_written(tmp_path, Pack("a.yaml", files).dumps())).files) == files
-
-
-def _indexed(paths: Iterable[str]) -> bytes:
-    files = dict.fromkeys(sorted(paths), "0" * 64)
-    return canonical_bytes({"format": "recipe/pack/1", "recipe": "a.yaml", "files": {"a.yaml": "0" * 64, **files}})
-
-
 @pytest.mark.parametrize(
-    ("index", "reason"),
+    ("paths", "reason"),
     [
-        (lambda: b"[" + b"[]," * (5 << 20) + b"[]]", "Expected `object`, got `array`"),
-        (lambda: _indexed(f"{n}/{'a/' * 95}b" for n in range(30_000)), "at most 2,000 folders"),
-        (lambda: _indexed(f"{n}.png" for n in range(MAX_FILES)), "at most 65,534 files"),
+        ((f"{n}/{'a/' * 95}b" for n in range(30_000)), "at most 2,000 folders"),
+        ((f"{n}.png" for n in range(MAX_FILES)), "at most 65,534 files"),
     ],
-    ids=["values", "folders", "files"],
+    ids=["folders", "files"],
 )
-def test_a_hostile_index_takes_little_memory(tmp_path: Path, index: Callable[[], bytes], reason: str) -> None:
-    path = _written(tmp_path, _zip([("pack.json", index())]))
-    tracemalloc.start()
-    try:
-        with pytest.raises(InputError, match=reason):
-            read(path)
-        assert tracemalloc.get_traced_memory()[1] < 64 << 20
-    finally:
-        tracemalloc.stop()
+def test_the_size_of_an_index_is_bounded(tmp_path: Path, paths: Iterable[str], reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        read(_written(tmp_path, _zip([_indexed(paths)])))
 
 
 def test_a_header_with_a_large_size_reserves_no_memory(tmp_path: Path) -> None:

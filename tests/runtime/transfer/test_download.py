@@ -7,7 +7,6 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +15,6 @@ import pytest
 import recipe_runtime
 from fsspec.spec import AbstractFileSystem
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.transfer import download, stores
@@ -25,21 +23,13 @@ from recipe_runtime.transfer.upload import Target
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
-from tests.runtime.fakes import ENGINES, dataset_plan, tree
+from tests.runtime.fakes import ENGINES, tree
 
 URL = "memory://fetched/small"
 
 
 def _silent(stage: str, done: int, total: int) -> None:
     """Report no progress."""
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("built")
-    return build(
-        dataset_plan(4, 1), folder / "small", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache")
-    ).path
 
 
 @pytest.fixture
@@ -108,30 +98,23 @@ def test_a_flipped_bit_at_the_url_is_reported(store: dict[str, Any], built: Path
     assert f"{path} differs from its SHA-256 in the manifest" in str(only)
 
 
-@pytest.mark.parametrize("path", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "a\\..\\out.txt"])
-def test_a_manifest_with_paths_outside_the_dataset_is_refused(store: dict[str, Any], tmp_path: Path, path: str) -> None:
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("a/../../out.txt", r"is not a path within a dataset"),
+        ("/etc/out.txt", r"is not a path within a dataset"),
+        ("x" * 300, r"is not a path within a dataset"),
+        ("README.md/x", r"README\.md is listed as a file, and README\.md/x is in it"),
+    ],
+)
+def test_a_manifest_with_paths_that_a_dataset_cannot_have_is_refused(
+    store: dict[str, Any], path: str, said: str
+) -> None:
     manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
     manifest["files"][path] = {"size": 3, "sha256": "0" * 64}
     corrupt("manifest.json", json.dumps(manifest).encode())
-    corrupt(path, b"out")
-    with pytest.raises(InputError, match=r"manifest\.json is damaged .*is not a path within a dataset"):
+    with pytest.raises(InputError, match=rf"manifest\.json is damaged .*{said}"):
         integrity(URL)
-
-
-def test_a_path_that_is_both_file_and_folder_is_refused(store: dict[str, Any]) -> None:
-    manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
-    manifest["files"]["README.md/x"] = {"size": 3, "sha256": "0" * 64}
-    corrupt("manifest.json", json.dumps(manifest).encode())
-    with pytest.raises(InputError, match=r"README\.md is listed as a file, and README\.md/x is in it"):
-        integrity(URL)
-
-
-def test_a_path_that_no_file_system_accepts_is_refused(store: dict[str, Any]) -> None:
-    manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
-    for path in ("x" * 300, "/".join(["y" * 200] * 20)):
-        corrupt("manifest.json", json.dumps({**manifest, "files": {path: {"size": 3, "sha256": "0" * 64}}}).encode())
-        with pytest.raises(InputError, match=r"is not a path within a dataset|length <= 2000"):
-            integrity(URL)
 
 
 @pytest.mark.parametrize(
@@ -140,14 +123,8 @@ def test_a_path_that_no_file_system_accepts_is_refused(store: dict[str, Any]) ->
         ("memory://bucket/nothing", "is not a dataset: it holds no manifest.json"),
         ("memory://", "has no path"),
         ("nowhere://x/y", "nowhere:// is not a supported scheme; use one of s3://"),
-        ("zip://x/y", "zip:// is not a supported scheme"),
-        ("data://x/y", "data:// is not a supported scheme"),
-        ("reference://x/y", "reference:// is not a supported scheme"),
         ("zip::https://example.org/dataset.zip", "chains several schemes with `::`"),
-        ("zip://a::memory://b/c.zip", "chains several schemes with `::`"),
-        ("https://example.org/dataset", "a web server neither lists nor accepts files"),
         ("HTTPS://example.org/dataset", "a web server neither lists nor accepts files"),
-        ("simplecache::https://example.org/dataset", "chains several schemes with `::`"),
     ],
 )
 def test_urls_without_a_dataset_are_refused(url: str, said: str) -> None:
@@ -170,23 +147,6 @@ def test_a_password_is_not_shown(url: str) -> None:
         integrity(url)
     assert "://user:***@" in str(caught.value)
     assert not {"se", "cr", "et"} & set(re.split(r"[^a-z]+", str(caught.value)))
-
-
-def test_a_file_removed_after_the_listing_is_reported_as_missing(
-    store: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    memory, gone = type(fsspec.filesystem("memory")), "weather=w0,jitter=still/tracks.csv"
-    opened = memory.open
-
-    def vanishing(self: Any, path: str, *rest: Any, **more: Any) -> Any:
-        if path.endswith(gone):
-            raise FileNotFoundError(path)
-        return opened(self, path, *rest, **more)
-
-    monkeypatch.setattr(memory, "open", vanishing)
-    report = integrity(URL)
-    assert report.verdict == "FAIL"
-    assert [str(d) for d in report.differences if gone in str(d) and "is missing" in str(d)]
 
 
 def test_a_manifest_of_another_format_is_refused(store: dict[str, Any]) -> None:
@@ -281,17 +241,11 @@ def test_files_where_a_folder_would_have_to_be_are_reported(
 ) -> None:
     """An object store may have both `a` and `a/b`."""
     monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
-    for names, message in (
-        (("more", "more/x"), None),
-        (("README.md/x",), "holds README.md/x, in a file of the dataset"),
-    ):
-        rows = {f"x/y/{name}": {"name": f"x/y/{name}", "size": 1, "type": "file"} for name in names}
-        monkeypatch.setattr(hostile, "find", lambda *_, rows=rows, **__: rows)
-        with (
-            pytest.raises(InputError, match=message) if message else nullcontext(),
-            fetched("hostile://x/y", _silent) as folder,
-        ):
-            assert (folder / "more").is_file()
+    card = len((built / "README.md").read_bytes())
+    for names in (("more", "more/x"), ("README.md", "README.md/x")):
+        monkeypatch.setattr(hostile, "find", lambda *_, names=names, **__: {f"x/y/{n}": {"size": card} for n in names})
+        with pytest.raises(InputError, match=f"holds {names[1]} twice: as a file and as a folder"):
+            integrity("hostile://x/y")
 
 
 def test_files_with_another_size_than_in_the_manifest_are_not_downloaded(
@@ -302,16 +256,6 @@ def test_files_with_another_size_than_in_the_manifest_are_not_downloaded(
     with fetched("hostile://x/y", _silent) as folder:
         found = (folder / "README.md").stat()
         assert (found.st_size, found.st_blocks, Endless.read_so_far) == (1 << 40, 0, 0)
-
-
-def test_files_listed_without_a_size_are_downloaded(
-    hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Not every store lists sizes; the user was told to try again."""
-    monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
-    monkeypatch.setattr(hostile, "rows", ({"name": "x/y/README.md", "type": "file"},))
-    with fetched("hostile://x/y", _silent) as folder:
-        assert (folder / "README.md").stat().st_size == Endless.read_so_far > 0
 
 
 def test_python_opens_recipes_from_local_files_only() -> None:
