@@ -19,7 +19,7 @@ DOORS = {
     "yaml": {"recipe_compiler/source/yaml_reader.py"},
     "astral": {"recipe_compiler/lowering/sun.py"},
     "zlib_ng": {"recipe_runtime/core/codecs.py"},
-    "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
+    "pycocotools": {"recipe_runtime/annotate/"},
     "PIL": {"recipe_compiler/ir/assets/png.py", "recipe_runtime/report/", "recipe_runtime/modalities/reading.py"},
     "msgspec": {"recipe_runtime/core/documents.py", "recipe_runtime/dataset/plan_reader.py"},
     "fsspec": {"recipe_runtime/transfer/stores.py"},

@@ -5,31 +5,27 @@ They are drawn with Pillow, whose fonts and scaling may change, so no digest cov
 
 from __future__ import annotations
 
-import struct
-import warnings
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import pycocotools.mask
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.annotate.categories import CATEGORIES
+from recipe_runtime.annotate.masks import unpacked
 from recipe_runtime.annotate.records import LabelRecord, Video
 from recipe_runtime.core import codecs
+from recipe_runtime.report.difference import read_pixels
 
 _GROUND = (24, 26, 31)
 _FRAME = (33, 36, 42)  # around a picture of another shape than the first
 _INK = (236, 238, 241)
 _CAPTION_INK = (196, 200, 207)
 _MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
-_BROKEN = (OSError, SyntaxError, ValueError, EOFError, zlib.error, struct.error, Image.DecompressionBombError)
 _MAX_CELLS = 96  # most cells on one sheet
 # Colours that are distinguishable for colour-blind people (Okabe and Ito, 2008), by track.
 _HUES = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (204, 121, 167))
@@ -179,21 +175,10 @@ def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width
 def _read(cell: Cell, picture: Picture) -> Image.Image:
     """Return the picture of a cell. `build --repair` takes over pictures that anyone may have written."""
     path, camera = picture(cell.video, cell.frame), cell.video.sensor.camera
-    try:
-        if path.stat().st_size > codecs.largest_file(camera.width, camera.height):
-            raise ValueError(f"it has {path.stat().st_size:,} bytes")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its size is checked before it is decoded
-            with Image.open(path, formats=("PNG",)) as image:
-                if image.size != (camera.width, camera.height):
-                    raise ValueError(f"it has {image.width} x {image.height} pixels")
-                colour: Image.Image = image.convert("RGB")
-    except _BROKEN as error:
-        raise RunError(
-            f"{path} is not the picture of its camera ({error})",
-            help="move the dataset away, and build it again",
-        ) from error
-    return colour
+    pixels = read_pixels(path, (camera.height, camera.width))
+    if pixels is None or pixels.shape != (camera.height, camera.width, 3) or pixels.dtype != np.uint8:
+        raise RunError(f"{path} is not the picture of its camera", help="move the dataset away, and build it again")
+    return Image.fromarray(pixels)
 
 
 def _scaled(picture: Image.Image, size: Size) -> Image.Image:
@@ -208,7 +193,7 @@ def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
     objects: list[LabelRecord] = next(r["objects"] for r in cell.video.frames if r["frame"] == cell.frame)
     hues = [_HUES[n % len(_HUES)] for n in range(len(objects))]
     for item, hue in zip(objects, hues, strict=True):
-        inside = _mask(item, height, width)
+        inside = unpacked(item["counts"], width, height) > 0
         pixels[inside] = (pixels[inside] + np.array(hue)) // 2
     drawn = _scaled(Image.fromarray(pixels.astype(np.uint8)), size)
     pen, font = ImageDraw.Draw(drawn), ImageFont.load_default(12)
@@ -220,11 +205,3 @@ def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
             text = f"{CATEGORIES[item['instance'] // 1000]} {item['instance'] % 1000}"
             pen.text((box[0], box[1] - 3), text, fill=hue, font=font, anchor="ls", stroke_width=1, stroke_fill=_GROUND)
     return drawn
-
-
-def _mask(item: LabelRecord, height: int, width: int) -> NDArray[np.bool_]:
-    with warnings.catch_warnings():  # pycocotools does not support NumPy 2's copy keyword
-        warnings.simplefilter("ignore", DeprecationWarning)
-        decoded = pycocotools.mask.decode({"size": [height, width], "counts": item["counts"].encode()})
-    mask: NDArray[np.bool_] = decoded.astype(bool)
-    return mask

@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.ir.patches import PatchFace
 
 from recipe_runtime.meshes.mesh import Body, Mesh
+from recipe_runtime.meshes.vectors import cross, unit
 
 _LONGEST = 2048  # pixels
 _PAPER, _FRAME, _EDGE, _INK = (208, 208, 204), (150, 150, 146), (196, 200, 206), (90, 92, 98)
@@ -57,7 +58,7 @@ def _triangles(
     """The corners of a part's triangles on the map, in pixels: those farthest from the outside first."""
     here = np.array([not slots or mesh.surfaces[surface].slot in slots for surface in mesh.surface], bool)
     corners = mesh.vertices.astype(np.float64)[mesh.triangles[here]]
-    normals = _normals(corners)
+    normals = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     turned = np.stack([_along(normals, face.normal) for face in faces])
     chosen = turned.argmax(axis=0)
     found: list[tuple[float, list[tuple[float, float]]]] = []
@@ -73,14 +74,6 @@ def _triangles(
             (float(d), list(zip(a.tolist(), b.tolist(), strict=True))) for d, a, b in zip(depth, x, y, strict=True)
         ]
     return [outline for _, outline in sorted(found, key=lambda one: one[0])]
-
-
-def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit normals of triangles [T, 3, 3]."""
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    n = np.stack([a[:, (k + 1) % 3] * b[:, (k + 2) % 3] - a[:, (k + 2) % 3] * b[:, (k + 1) % 3] for k in range(3)], -1)
-    unit: NDArray[np.float64] = n / np.maximum(np.sqrt((n * n).sum(axis=-1, keepdims=True)), 1e-30)
-    return unit
 
 
 def _along(vectors: NDArray[np.float64], axis: Sequence[float]) -> NDArray[np.float64]:

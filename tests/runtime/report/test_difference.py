@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from recipe_runtime.core import codecs
 from recipe_runtime.frames.shot import Shot
 from recipe_runtime.report.contact_sheets import contact_sheet
 from recipe_runtime.report.difference import PixelDifference, first_difference, read_pixels, write_difference
-from recipe_runtime.webdataset import decode
 
 from tests.runtime.fakes import NO_LABELS, sensor_plan
 
@@ -45,35 +43,47 @@ def npy(array: NDArray[np.generic]) -> bytes:
     return body.getvalue()
 
 
+def _header(text: str) -> bytes:
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
+
+
+def _profile() -> bytes:
+    """Return a PNG whose colour profile ends after its name."""
+    body = codecs.photograph(np.zeros((2, 2, 3), np.uint8))
+    chunk = b"iCCPabc\0"
+    return body[:-12] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + body[-12:]
+
+
 STRANGE = {
     "smaller.png": codecs.png(PIXELS[:5]),
     "grey.png": codecs.png(PIXELS[..., 0]),
     "sixteen.png": codecs.png(PIXELS[..., 0].astype(np.uint16)),
-    "alpha.png": png(Image.fromarray(PIXELS).convert("RGBA")),
     "palette.png": png(Image.fromarray(PIXELS).convert("P")),
-    "one_bit.png": png(Image.fromarray(PIXELS).convert("1")),
-    "large.png": bomb(12_000, 9_000),
-    "larger.png": bomb(200_000, 100_000),
+    "large.png": bomb(200_000, 100_000),
     "cut.png": codecs.png(PIXELS)[:60],
-    "empty.png": b"",
     "text.png": b"no picture",
+    "profile.png": _profile(),
     "bytes.npy": npy(PIXELS),
     "object.npy": b"\x93NUMPY\x01\x00v\x00{'descr': '|O', 'fortran_order': False, 'shape': (1,), }" + b" " * 58 + b"\n",
     "vast.npy": npy(np.zeros((1, 1), np.float32)).replace(b"(1, 1), }        ", b"(99999, 99999), }"),
     "solid.npy": npy(np.zeros((6, 8, 3), np.float32)),
+    "zip.npy": b"PK\x03\x04junk",
+    "header.npy": _header("(\n"),
+    "shape.npy": _header("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999999, 9)}"),
+    "deep.npy": _header("1" + "+1" * 3000),
 }
 
 
 @pytest.mark.parametrize("name", STRANGE)
-@pytest.mark.parametrize("modality", ["rgb", "depth"])
-def test_pictures_of_other_size_or_kind_have_no_count(tmp_path: Path, name: str, modality: str) -> None:
+def test_pictures_of_other_size_or_kind_have_no_count(tmp_path: Path, name: str) -> None:
+    """NumPy and Pillow raise errors of a dozen types; none ends `recipe verify`."""
     there, ours = tmp_path / name, tmp_path / "ours.png"
     there.write_bytes(STRANGE[name])
     ours.write_bytes(codecs.png(PIXELS))
     assert first_difference(ours, there) is None
-    pixels = PIXELS if modality == "rgb" else np.ones((6, 8), np.float32)
-    (written,) = write_difference(tmp_path / "out" / "x", Shot("street", 0, modality, pixels), there)
-    assert written.name == "x-rendered.png"
+    for modality, pixels in (("rgb", PIXELS), ("depth", np.ones((6, 8), np.float32))):
+        (written,) = write_difference(tmp_path / modality / "x", Shot("street", 0, modality, pixels), there)
+        assert written.name == "x-rendered.png"
 
 
 def test_depth_in_a_tiff_is_compared_by_its_values(tmp_path: Path) -> None:
@@ -115,64 +125,15 @@ def test_an_unwritable_folder_is_an_error(tmp_path: Path) -> None:
         write_difference(tmp_path / "file" / "x", Shot("street", 0, "rgb", PIXELS), None)
 
 
-@pytest.mark.parametrize("side", [2_000, 20_000])
-def test_a_picture_of_another_size_or_format_is_not_decoded(tmp_path: Path, side: int) -> None:
+@pytest.mark.parametrize("body", [codecs.png(PIXELS)[:60], bomb(2_000, 2_000), codecs.png(PIXELS)], ids=len)
+def test_sheets_refuse_what_is_not_the_picture_of_a_camera(tmp_path: Path, body: bytes) -> None:
     """A repair draws sheets from a stranger's pictures: one of 13,000 x 13,000 pixels took 4 GB."""
-    large, other = tmp_path / "large.png", tmp_path / "other.png"
-    header = struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)
-    large.write_bytes(b"\x89PNG\r\n\x1a\n" + _chunk(b"IHDR", header) + _chunk(b"IDAT", zlib.compress(b"")))
-    Image.fromarray(PIXELS).save(other, "BMP")
+    path = tmp_path / "000000.png"
+    path.write_bytes(body)
     record: FrameRecord = {**NO_LABELS, "digests": {"labels": ""}, "rgb": {}, "files": {}}
     video = Video("a", "", sensor_plan(), 10, (record,))
-    for path, reason in ((large, rf"{side} x {side} pixels|decompression bomb"), (other, "cannot identify image")):
-        with pytest.raises(RunError, match=rf"{path.name} is not the picture of its camera .*({reason})"):
-            contact_sheet("tiny", [video], _always(path))
-
-
-def _always(path: Path) -> Callable[[Video, int], Path]:
-    return lambda video, frame: path
-
-
-def _chunk(kind: bytes, body: bytes) -> bytes:
-    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-
-def _npz() -> bytes:
-    body = io.BytesIO()
-    np.savez(body, a=np.zeros((2, 2), np.float32))
-    return body.getvalue()
-
-
-def _header(text: str) -> bytes:
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
-
-
-def _profile() -> bytes:
-    """Return a PNG whose colour profile ends after its name."""
-    body = codecs.photograph(np.zeros((2, 2, 3), np.uint8))
-    chunk = b"iCCPabc\0"
-    return body[:-12] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + body[-12:]
-
-
-HOSTILE = [
-    ("npy", _npz()),
-    ("npy", b"PK\x03\x04junk"),
-    ("npy", _header("(\n")),
-    ("npy", _header("{1:2,'descr':3}")),
-    ("npy", _header("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999999, 9)}")),
-    ("npy", _header("1" + "+1" * 3000)),
-    ("png", _profile()),
-]
-
-
-@pytest.mark.parametrize(("ending", "body"), HOSTILE, ids=lambda v: v if isinstance(v, str) else "")
-def test_a_damaged_picture_ends_no_verification(tmp_path: Path, ending: str, body: bytes) -> None:
-    """Regression: NumPy and Pillow raise errors of a dozen types, and one planted file ended `recipe verify`."""
-    path = tmp_path / f"000000.{ending}"
-    path.write_bytes(body)
-    assert read_pixels(path) is None
-    with pytest.raises(ValueError, match=r"cannot be decoded|is not a picture"):
-        decode(f".depth.{ending}", body)
+    with pytest.raises(RunError, match=r"000000.png is not the picture of its camera"):
+        contact_sheet("tiny", [video], lambda video, frame: path)
 
 
 def test_a_file_larger_than_a_picture_of_the_camera_is_not_decoded(tmp_path: Path) -> None:
