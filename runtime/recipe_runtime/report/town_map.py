@@ -106,9 +106,14 @@ def _rounded(pose: Pose, x: float, y: float, radius: float) -> list[Point]:
     return placed(pose, points)
 
 
-def _asphalt(canvas: Canvas, e: Element) -> None:
-    x, y = e.size[0] / 2, e.size[1] / 2
-    canvas.polygon(rectangle(e.pose, -x, x, -y, y), _ASPHALT)
+def _flat(colour: str, least: float = 0.0) -> Callable[[Canvas, Element], None]:
+    """Return a function that draws an element as its rectangle, at least `least` metres wide."""
+
+    def draw(canvas: Canvas, e: Element) -> None:
+        x, y = max(e.size[0], least) / 2, max(e.size[1], least) / 2
+        canvas.polygon(rectangle(e.pose, -x, x, -y, y), colour)
+
+    return draw
 
 
 def _road_marks(canvas: Canvas, e: Element) -> None:
@@ -161,11 +166,6 @@ def _crossings(canvas: Canvas, e: Element) -> None:
                 canvas.polygon(rectangle(pose, sign * over - 1.5, sign * over + 1.5, y - 0.25, y + 0.25), _MARK)
 
 
-def _path(canvas: Canvas, e: Element) -> None:
-    x, y = e.size[0] / 2, e.size[1] / 2
-    canvas.polygon(rectangle(e.pose, -x, x, -y, y), _PATH)
-
-
 def _building(canvas: Canvas, e: Element) -> None:
     x0 = -e.size[0] if e.kind in _FRONTED else -e.size[0] / 2
     corners = rectangle(e.pose, x0, x0 + e.size[0], -e.size[1] / 2, e.size[1] / 2)
@@ -181,11 +181,6 @@ def _barrier(canvas: Canvas, e: Element) -> None:
 
 def _plant(canvas: Canvas, e: Element) -> None:
     canvas.disc((e.pose.x, e.pose.y), e.size[0] / 2, _GREEN)
-
-
-def _thing(canvas: Canvas, e: Element) -> None:
-    x, y = max(e.size[0], 0.4) / 2, max(e.size[1], 0.4) / 2
-    canvas.polygon(rectangle(e.pose, -x, x, -y, y), _THING)
 
 
 def _traffic_light(canvas: Canvas, pose: Pose) -> None:
@@ -204,16 +199,16 @@ def _sign(canvas: Canvas, e: Element) -> None:
 
 
 _LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] = (
-    (("road", "junction", "carriageway"), _asphalt),
+    (("road", "junction", "carriageway"), _flat(_ASPHALT)),
     (("sidewalk",), _sidewalk),
-    (("path",), _path),
+    (("path",), _flat(_PATH)),
     (("road",), _road_marks),
     (("carriageway",), _carriageway_marks),
     (("junction",), _crossings),
     (("building", "house", "tower"), _building),
     (("tree", "bush"), _plant),
     (("wall", "fence", "hedge", "guardrail"), _barrier),
-    (_THINGS, _thing),
+    (_THINGS, _flat(_THING, 0.4)),
     (("traffic_light",), lambda canvas, e: _traffic_light(canvas, e.pose)),
     (("sign",), _sign),
 )
@@ -224,10 +219,14 @@ _LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] =
 
 def _grid(canvas: Canvas) -> None:
     x0, y0, x1, y1 = canvas.box
-    for x in range(ceil(x0 / _GRID) * _GRID, floor(x1) + 1, _GRID):
+    for x in _multiples(x0, x1, _GRID):
         canvas.line([(x, y0), (x, y1)], _GRID_LINE, 1.4 if x == 0 else 0.4)
-    for y in range(ceil(y0 / _GRID) * _GRID, floor(y1) + 1, _GRID):
+    for y in _multiples(y0, y1, _GRID):
         canvas.line([(x0, y), (x1, y)], _GRID_LINE, 1.4 if y == 0 else 0.4)
+
+
+def _multiples(low: float, high: float, step: int) -> range:
+    return range(ceil(low / step) * step, floor(high) + 1, step)
 
 
 def _spots(canvas: Canvas, spots: Spots) -> None:
@@ -272,16 +271,19 @@ def _parked_car(canvas: Canvas, pose: Pose) -> None:
 def _actor(canvas: Canvas, actor: ActorPlan, colour: str) -> None:
     """Draw the start, the heading and the route of an actor."""
     start = (actor.start.x, actor.start.y)
-    way = [start, *((p.x, p.y) for p in actor.route)]
+    _way(canvas, [start, *((p.x, p.y) for p in actor.route)], colour)
+    canvas.line([start, *placed(actor.start, [(1.5, 0.0)])], colour, 3.0)
+    canvas.text(start, actor.name, colour, 21)
+
+
+def _way(canvas: Canvas, way: Sequence[Point], colour: str) -> None:
+    """Draw a route from a disc to a cross."""
     if len(way) > 1:
         canvas.line(way, colour, 2.5)
         x, y = way[-1]
         for k in (1, -1):
             canvas.line([(x - 0.7, y - 0.7 * k), (x + 0.7, y + 0.7 * k)], colour, 2.5)
-    canvas.disc(start, 0.9, colour, _PAPER, 1.5)
-    ((x, y),) = placed(actor.start, [(1.5, 0.0)])
-    canvas.line([start, (x, y)], colour, 3.0)
-    canvas.text(start, actor.name, colour, 21)
+    canvas.disc(way[0], 0.9, colour, _PAPER, 1.5)
 
 
 def _sensor(canvas: Canvas, sensor: SensorPlan, scenario: ScenarioPlan) -> None:
@@ -325,11 +327,11 @@ def _axes(pen: ImageDraw.ImageDraw, canvas: Canvas, corner: tuple[int, int]) -> 
     x0, y0, x1, y1 = canvas.box
     step, font = _GRID if canvas.scale * _GRID > 60 else 2 * _GRID, ImageFont.load_default(19)
     (left, top), bottom = corner, corner[1] + canvas.size[1]
-    for x in range(ceil(x0 / step) * step, floor(x1) + 1, step):
+    for x in _multiples(x0, x1, step):
         at = left + canvas.pixel((x, y0))[0]
         pen.line((at, bottom, at, bottom + 6), fill=_INK)
         pen.text((at, bottom + 9), f"{x}", fill=_INK, font=font, anchor="ma")
-    for y in range(ceil(y0 / step) * step, floor(y1) + 1, step):
+    for y in _multiples(y0, y1, step):
         at = top + canvas.pixel((x0, y))[1]
         pen.line((left - 7, at, left - 1, at), fill=_INK)
         pen.text((left - 10, at), f"{y}", fill=_INK, font=font, anchor="rm")
@@ -339,33 +341,33 @@ def _axes(pen: ImageDraw.ImageDraw, canvas: Canvas, corner: tuple[int, int]) -> 
 
 def _legend(scale: float, cast: bool) -> Image.Image:
     """Draw the legend; each symbol is drawn by the function that draws it on the map."""
-    rows: list[tuple[str, Callable[[Canvas, float], None]]] = [
+    rows: list[tuple[str, Callable[[Canvas, Pose], None]]] = [
         ("lane, with its direction", _sample_lane),
         ("crossing", _sample_crossing),
-        ("sidewalk", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _WALK, _THING)),
-        ("footpath, driveway", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _PATH)),
-        ("building", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _BUILDING, _WALL)),
-        ("wall, fence, guard rail", lambda c, y: c.line([(0.5, y), (6.5, y)], _WALL, 2.5)),
-        ("tree, hedge", lambda c, y: c.disc((3.5, y), 1.2, _GREEN)),
-        ("street furniture", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -0.8, 0.8, -0.5, 0.5), _THING)),
-        ("traffic light", lambda c, y: _traffic_light(c, Pose(x=3.5, y=y))),
-        ("stop sign", lambda c, y: _stop_sign(c, Pose(x=3.5, y=y))),
-        ("parking place", lambda c, y: _parking_place(c, Pose(x=3.5, y=y))),
-        ("vehicle's spawn point", lambda c, y: _vehicle_spot(c, Pose(x=3.5, y=y))),
-        ("pedestrian's spawn point", lambda c, y: c.disc((3.5, y), 0.5, _PEDESTRIAN)),
+        ("sidewalk", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), _WALK, _THING)),
+        ("footpath, driveway", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), _PATH)),
+        ("building", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), _BUILDING, _WALL)),
+        ("wall, fence, guard rail", lambda c, p: c.line(placed(p, [(-3.0, 0.0), (3.0, 0.0)]), _WALL, 2.5)),
+        ("tree, hedge", lambda c, p: c.disc((p.x, p.y), 1.2, _GREEN)),
+        ("street furniture", lambda c, p: c.polygon(rectangle(p, -0.8, 0.8, -0.5, 0.5), _THING)),
+        ("traffic light", _traffic_light),
+        ("stop sign", _stop_sign),
+        ("parking place", _parking_place),
+        ("vehicle's spawn point", _vehicle_spot),
+        ("pedestrian's spawn point", lambda c, p: c.disc((p.x, p.y), 0.5, _PEDESTRIAN)),
     ]
     if cast:
         rows += [
             ("actor: start and route", _sample_actor),
-            ("traffic: vehicle at the start", lambda c, y: _traffic_vehicle(c, Pose(x=3.5, y=y))),
-            ("traffic: pedestrian at the start", lambda c, y: _traffic_pedestrian(c, Pose(x=3.5, y=y))),
-            ("parked car", lambda c, y: _parked_car(c, Pose(x=3.5, y=y))),
+            ("traffic: vehicle at the start", _traffic_vehicle),
+            ("traffic: pedestrian at the start", _traffic_pedestrian),
+            ("parked car", _parked_car),
             ("sensor and field of view", _sample_sensor),
         ]
     high, metre = 3.4, 10.0
     canvas = Canvas((0.0, 0.0, _LEGEND / metre, high * (len(rows) + 1.5)), metre, _PAPER)
     for n, (_, draw) in enumerate(rows):
-        draw(canvas, canvas.box[3] - high * (n + 0.7))
+        draw(canvas, Pose(x=3.5, y=canvas.box[3] - high * (n + 0.7)))
     picture = canvas.finished()
     pen, font = ImageDraw.Draw(picture), ImageFont.load_default(19)
     for n, (words, _) in enumerate(rows):
@@ -376,24 +378,21 @@ def _legend(scale: float, cast: bool) -> Image.Image:
     return picture
 
 
-def _sample_lane(canvas: Canvas, y: float) -> None:
-    canvas.polygon(rectangle(Pose(x=3.5, y=y), -3.0, 3.0, -1.2, 1.2), _ASPHALT)
-    canvas.arrow(Pose(x=3.5, y=y), 3.4, _LANE)
+def _sample_lane(canvas: Canvas, pose: Pose) -> None:
+    canvas.polygon(rectangle(pose, -3.0, 3.0, -1.2, 1.2), _ASPHALT)
+    canvas.arrow(pose, 3.4, _LANE)
 
 
-def _sample_crossing(canvas: Canvas, y: float) -> None:
-    canvas.polygon(rectangle(Pose(x=3.5, y=y), -3.0, 3.0, -1.2, 1.2), _ASPHALT)
+def _sample_crossing(canvas: Canvas, pose: Pose) -> None:
+    canvas.polygon(rectangle(pose, -3.0, 3.0, -1.2, 1.2), _ASPHALT)
     for k in range(6):
-        canvas.polygon(rectangle(Pose(x=1.0 + k, y=y), -0.25, 0.25, -1.2, 1.2), _MARK)
+        canvas.polygon(rectangle(pose, k - 2.75, k - 2.25, -1.2, 1.2), _MARK)
 
 
-def _sample_actor(canvas: Canvas, y: float) -> None:
-    canvas.line([(1.5, y), (6.0, y)], _CAST[0], 2.5)
-    for k in (1, -1):
-        canvas.line([(5.5, y - 0.6 * k), (6.7, y + 0.6 * k)], _CAST[0], 2.5)
-    canvas.disc((1.5, y), 0.9, _CAST[0], _PAPER, 1.5)
+def _sample_actor(canvas: Canvas, pose: Pose) -> None:
+    _way(canvas, placed(pose, [(-2.0, 0.0), (2.6, 0.0)]), _CAST[0])
 
 
-def _sample_sensor(canvas: Canvas, y: float) -> None:
-    canvas.polygon(rectangle(Pose(x=1.6, y=y), -0.7, 0.7, -0.7, 0.7), _SENSOR)
-    canvas.polygon([(1.6, y), (6.4, y + 1.4), (6.4, y - 1.4)], None, _SENSOR, 2.0)
+def _sample_sensor(canvas: Canvas, pose: Pose) -> None:
+    canvas.polygon(rectangle(pose, -2.6, -1.2, -0.7, 0.7), _SENSOR)
+    canvas.polygon(placed(pose, [(-1.9, 0.0), (2.9, 1.4), (2.9, -1.4)]), None, _SENSOR, 2.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from recipe_cli.commands.shot import command
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import Pose
+from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_compiler.library import towns
 from recipe_compiler.schema import template
 from recipe_runtime.report import town_map
@@ -31,25 +32,21 @@ def spots(town: towns.Town) -> Spots:
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
-    """Record what is drawn: poses of arrows, labels with their places, and the last canvas."""
-    seen: dict[str, list[Any]] = {"arrow": [], "text": [], "canvas": []}
-    whole = {name: getattr(Canvas, name) for name in ("arrow", "text", "finished")}
+    """Record the arguments of `arrow` and `text`, and each finished canvas with its picture."""
+    seen: dict[str, list[Any]] = {"arrow": [], "text": [], "finished": []}
 
-    def arrow(self: Canvas, pose: Pose, *rest: Any) -> None:
-        seen["arrow"].append(pose)
-        whole["arrow"](self, pose, *rest)
+    def spy(name: str) -> Callable[..., Any]:
+        whole = getattr(Canvas, name)
 
-    def text(self: Canvas, place: Any, words: str, *rest: Any) -> None:
-        seen["text"].append((words, place))
-        whole["text"](self, place, words, *rest)
+        def call(self: Canvas, *given: Any) -> Any:
+            result = whole(self, *given)
+            seen[name].append(given or (self, result))
+            return result
 
-    def finished(self: Canvas) -> Image.Image:
-        picture: Image.Image = whole["finished"](self)
-        seen["canvas"].append((self, picture))
-        return picture
+        return call
 
-    for name, spy in (("arrow", arrow), ("text", text), ("finished", finished)):
-        monkeypatch.setattr(Canvas, name, spy)
+    for name in seen:
+        monkeypatch.setattr(Canvas, name, spy(name))
     return seen
 
 
@@ -62,7 +59,7 @@ def test_arrows_show_the_direction_of_traffic(name: str, drawn: dict[str, list[A
     with Image.open(io.BytesIO(body)) as page:
         assert (page.format, page.mode) == ("PNG", "RGB")
         assert max(page.size) < 2600
-    canvas, picture = drawn["canvas"][0]
+    canvas, picture = drawn["finished"][0]
     x0, y0, x1, y1 = canvas.box
     inside = [p for p in town.spots["vehicle"] if x0 + 20 < p.x < x1 - 20 and y0 + 20 < p.y < y1 - 20]
     assert len(inside) > 10
@@ -70,7 +67,7 @@ def test_arrows_show_the_direction_of_traffic(name: str, drawn: dict[str, list[A
         s, c = exact.sin_cos_deg(spot.yaw)
         beside = [
             arrow
-            for arrow in drawn["arrow"]
+            for arrow, *_ in drawn["arrow"]
             if abs(c * (arrow.y - spot.y) - s * (arrow.x - spot.x)) < 0.5
             and abs(c * (arrow.x - spot.x) + s * (arrow.y - spot.y)) < 14.0
         ]
@@ -85,7 +82,7 @@ def test_arrows_show_the_direction_of_traffic(name: str, drawn: dict[str, list[A
 def test_spawn_points_of_pedestrians_are_on_drawn_pavement(name: str, drawn: dict[str, list[Any]]) -> None:
     town = towns.build(name, 0, {})
     town_map.town_map(town.plan, Spots((), (), (), town.streets.bounds), name)
-    canvas, picture = drawn["canvas"][0]
+    canvas, picture = drawn["finished"][0]
     pixels, paved = np.asarray(picture).astype(int), 0
     walks = [tuple(int(c[k : k + 2], 16) for k in (1, 3, 5)) for c in (town_map._WALK, town_map._PATH)]
     points = [p for p in town.spots["pedestrian"] if canvas.box[1] < p.y < canvas.box[3]]
@@ -95,15 +92,20 @@ def test_spawn_points_of_pedestrians_are_on_drawn_pavement(name: str, drawn: dic
     assert paved > 0.8 * len(points)  # the other points are under a tree
 
 
-@pytest.mark.slow
-def test_actors_of_a_recipe_are_marked_by_name(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
-    path = tmp_path / "first.yaml"
-    path.write_text(template("first"))
+def first(folder: Path, more: str = "") -> tuple[ScenarioPlan, towns.Town]:
+    """Return the scenario of the first template, with more of its base, and its town."""
+    path = folder / "first.yaml"
+    path.write_text(template("first").replace("base:\n", f"base:\n{more}", 1))
     compiled = compile_recipe(path)
     scenario = compiled.plan.variants[0]
-    town = compiled.towns[scenario.scene.town.digest]
+    return scenario, compiled.towns[scenario.scene.town.digest]
+
+
+@pytest.mark.slow
+def test_actors_of_a_recipe_are_marked_by_name(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
+    scenario, town = first(tmp_path)
     town_map.town_map(town.plan, spots(town), "first", scenario)
-    assert dict(drawn["text"]) == {
+    assert {words: place for place, words, *_ in drawn["text"]} == {
         "hero": (-6.0, 4.0),
         "friend": (-4.6, -1.0),
         "car": (-1.6, 24.0),
@@ -114,14 +116,9 @@ def test_actors_of_a_recipe_are_marked_by_name(tmp_path: Path, drawn: dict[str, 
 @pytest.mark.slow
 def test_traffic_is_distinguished_by_kind(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
     """Cars, pedestrians and parked cars were one and the same dot."""
-    path = tmp_path / "first.yaml"
-    traffic = "traffic: {vehicles: 4, pedestrians: 4, parked: 4}"
-    path.write_text(template("first").replace("base:\n", f"base:\n  {traffic}\n", 1))
-    compiled = compile_recipe(path)
-    scenario = compiled.plan.variants[0]
-    town = compiled.towns[scenario.scene.town.digest]
+    scenario, town = first(tmp_path, "  traffic: {vehicles: 4, pedestrians: 4, parked: 4}\n")
     town_map.town_map(town.plan, Spots((), (), (), town.streets.bounds), "first", scenario)
-    canvas, picture = drawn["canvas"][0]
+    canvas, picture = drawn["finished"][0]
     seen: dict[str, set[tuple[str, bool]]] = {}
     for actor in scenario.scene.actors:
         if not actor.name.startswith("traffic."):
@@ -142,7 +139,7 @@ def test_traffic_lights_and_stop_signs_are_shown(drawn: dict[str, list[Any]]) ->
     """Drivers obey them, so the map shows which junction has which."""
     town = towns.build("downtown", 0, {})
     town_map.town_map(town.plan, spots(town), "downtown")
-    canvas, picture = drawn["canvas"][0]
+    canvas, picture = drawn["finished"][0]
     for element in town.plan.elements:
         if element.kind == "traffic_light" or (element.kind == "sign" and int(element.shape["face"]) == 0):
             u, v = canvas.pixel((element.pose.x, element.pose.y))
@@ -167,33 +164,21 @@ def test_the_command_draws_a_recipe_or_a_town(tmp_path: Path, monkeypatch: pytes
             assert picture.size[0] > 1000
 
 
-def test_a_misspelt_town_gets_a_suggestion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_misspelt_town_or_a_frame_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=r'downtwn: there is no such file or town; did you mean "downtown"\?'):
         run("--map", "downtwn")
     with pytest.raises(InputError, match="there is no such file"):
         run("--map", "downtwn.yaml")  # a file's name
-
-
-def test_a_map_takes_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="--map draws a town, not a frame"):
         run("--map", "plaza", "--frame", "3")
 
 
 @pytest.mark.parametrize(("y", "shown"), [(None, 320.0), (250.0, 560.0)])
 def test_the_map_of_a_large_town_shows_a_part_with_every_named_actor(
-    tmp_path: Path, drawn: dict[str, list[Any]], monkeypatch: pytest.MonkeyPatch, y: float | None, shown: float
+    drawn: dict[str, list[Any]], y: float | None, shown: float
 ) -> None:
     """Regression: actors outside the central 320 m of a highway were drawn at the map's border."""
-    titles: list[str] = []
-    page = town_map._page
-
-    def titled(canvas: Canvas, title: str, cast: bool) -> Image.Image:
-        titles.append(title)
-        return page(canvas, title, cast)
-
-    monkeypatch.setattr(town_map, "_page", titled)
     town = towns.build("highway", 0, {})
     scenario = None
     if y is not None:
@@ -201,7 +186,6 @@ def test_the_map_of_a_large_town_shows_a_part_with_every_named_actor(
         recipe["base"]["sensors"] = {"s": {"mount": {"x": 0, "y": -y, "z": 3}, "capture": ["rgb"]}}
         scenario = only(recipe)
     town_map.town_map(town.plan, spots(town), "highway", scenario)
-    canvas, _ = drawn["canvas"][0]
+    canvas, _ = drawn["finished"][0]
     assert canvas.box[3] - canvas.box[1] == shown
     assert y is None or canvas.box[1] <= -y < y <= canvas.box[3]
-    assert titles == ["highway (a part)"]
