@@ -46,6 +46,11 @@ def circle(count: int, start: float = 0.0) -> tuple[tuple[float, float], ...]:
     return tuple((c, s) for s, c in angles)
 
 
+def level(x0: float, x1: float, y0: float, y1: float, z: float) -> tuple[Vec, ...]:
+    """Return a level rectangle that faces up."""
+    return (x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)
+
+
 class Builder:
     """Collects triangles; `mesh` returns the result. Coordinates are in metres."""
 
@@ -155,7 +160,7 @@ class Builder:
         """
         p = np.asarray(points, np.float64)
         rows, columns = p.shape[:2]
-        triangles = _lattice(rows, columns, closed)
+        triangles = lattice(rows, columns, closed)
         if isinstance(surfaces, Surface):
             runs: list[tuple[Surface | None, int]] = [(surfaces, len(triangles))]
         else:
@@ -219,7 +224,7 @@ class Builder:
 
 
 @lru_cache(maxsize=256)
-def _lattice(rows: int, columns: int, closed: bool) -> Index:
+def lattice(rows: int, columns: int, closed: bool) -> Index:
     """Return two triangles per cell of a grid of points, cell by cell.
 
     Closed rings join their last point to their first.
@@ -233,31 +238,17 @@ def _lattice(rows: int, columns: int, closed: bool) -> Index:
     return triangles
 
 
-_MIX = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD1B54A32D192ED03], np.uint64)
-
-
 def _distinct(rows: NDArray[np.float32]) -> tuple[Index, Index]:
     """Return the indices of the first of each set of equal rows [N, 8], ascending, and each row's number among them."""
     keys = np.ascontiguousarray(rows).view(np.uint64)  # [N, 4], two numbers each
-    mixed = keys * _MIX  # modulo 2^64
-    mixed ^= mixed >> np.uint64(32)
-    hashes = (mixed * _MIX).sum(axis=1, dtype=np.uint64)
-    order = np.argsort(hashes, kind="stable")
-    new = _changes(keys[order])
-    if (new != _changes(hashes[order][:, None])).any():  # a hash collision
-        order = np.lexsort(keys.T)
-        new = _changes(keys[order])
+    order = np.lexsort(keys.T)
+    new = np.concatenate([[True], (keys[order][1:] != keys[order][:-1]).any(axis=1)])
     first = np.minimum.reduceat(order, np.flatnonzero(new))
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first, kind="stable")] = np.arange(len(first))
     kind = np.empty(len(rows), np.int64)
     kind[order] = rank[np.cumsum(new) - 1]
     return np.sort(first), kind
-
-
-def _changes(rows: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """Return a mask of the rows that differ from the row before them; True for the first."""
-    return np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)])
 
 
 def _plane_uv(points: Array, normal: Array) -> Array:

@@ -145,10 +145,8 @@ def _balconies(b: Builder, f: Facade, bays: int, floors: int, ground: float, sto
             rails += [f.face(u0, u1, z + 0.08, z + 0.5, 0.91), f.face(u0, u1, z + 0.08, z + 0.5, 0.9)[::-1]]
             for n in range(5):
                 u = u0 + 0.03 + (u1 - u0 - 0.06) * n / 4
-                rails += [
-                    f.face(u - 0.02, u + 0.02, z, z + 0.95, 0.92),
-                    f.face(u - 0.02, u + 0.02, z, z + 0.95, 0.9)[::-1],
-                ]
+                front, back = (f.face(u - 0.02, u + 0.02, z, z + 0.95, d) for d in (0.92, 0.9))
+                rails += [front, back[::-1]]
     b.quads(_TRIM, slabs)
     b.quads(_METAL, rails)
 

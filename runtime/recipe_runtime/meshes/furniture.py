@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise, tube
-from recipe_runtime.meshes.facades import Facade
+from recipe_runtime.meshes.facades import Facade, pane_uv
 from recipe_runtime.meshes.lettering import write
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
 from recipe_runtime.meshes.vectors import Array
@@ -43,8 +42,7 @@ def upright(profile: list[tuple[float, float]], sides: int) -> Array:
 
 def picture(key: int, names: int = 64) -> Array:
     """Return the uv of a poster, corners counter-clockwise from the lower left; the key selects the picture."""
-    u = float(key % names)
-    return np.array([[(u + 0.001, 0.001), (u + 0.999, 0.001), (u + 0.999, 0.999), (u + 0.001, 0.999)]])
+    return pane_uv([(key % names, 0)])
 
 
 def lamp(b: Builder, e: Element) -> None:
@@ -155,30 +153,17 @@ def kiosk(b: Builder, e: Element) -> None:
     b.box(_PANEL, (-x, -y, 0.0), (front, y, top), "-z +x")
     b.quads(_PANEL, [_front(front, -y, y, 0.0, 0.95), _front(front, -y, y, 2.1, top)])
     b.quads(_PANEL, [_front(front, -y, -y + 0.25, 0.95, 2.1), _front(front, y - 0.25, y, 0.95, 2.1)])
-    uv = np.array([[(key + 0.001, 0.001), (key + 0.999, 0.001), (key + 0.999, 0.999), (key + 0.001, 0.999)]])
-    b.quads(_DISPLAY, [_front(front, -y + 0.25, y - 0.25, 0.95, 2.1)], uv)
+    b.quads(_DISPLAY, [_front(front, -y + 0.25, y - 0.25, 0.95, 2.1)], pane_uv([(key, 0)]))
     b.box(_TRIM, (front, -y + 0.15, 0.88), (front + 0.3, y - 0.15, 0.95), "-x")
     b.box(_ROOF, (-x - 0.0, -y, top), (front, y, top + 0.08), "-z")
     b.box(_SIGN, (front - 0.12, -y + 0.3, top + 0.08), (front - 0.04, y - 0.3, height))
     write(b, _LETTERS, _FRONTAL, "NEWS", 0.0, top + 0.11, height - top - 0.14, front - 0.036)
     low, high, reach = 2.05, 2.35, x
     slope = [(reach, -y, low), (reach, y, low), (front, y, high), (front, -y, high)]
-    b.quads(
-        _AWNING,
-        [slope, slope[::-1], _front(reach, -y, y, low - 0.16, low), _front(reach, -y, y, low - 0.16, low)[::-1]],
-    )
-    b.quads(
-        _POSTER,
-        [
-            [
-                (-x + 0.4, -y - 0.01, 0.6),
-                (-x + 1.3, -y - 0.01, 0.6),
-                (-x + 1.3, -y - 0.01, 1.9),
-                (-x + 0.4, -y - 0.01, 1.9),
-            ]
-        ],
-        picture(key + 3),
-    )
+    valance = _front(reach, -y, y, low - 0.16, low)
+    b.quads(_AWNING, [slope, slope[::-1], valance, valance[::-1]])
+    corners = ((0.4, 0.6), (1.3, 0.6), (1.3, 1.9), (0.4, 1.9))
+    b.quads(_POSTER, [[(-x + along, -y - 0.01, z) for along, z in corners]], picture(key + 3))
 
 
 def _front(x: float, y0: float, y1: float, z0: float, z1: float) -> list[tuple[float, float, float]]:

@@ -47,14 +47,8 @@ def stroke(b: Builder, surface: Surface, points: Sequence[Point], wide: float, x
         length = math.sqrt(dy * dy + dz * dz)
         uy, uz = dy / length * half, dz / length * half
         p, q = (ay - uy, az - uz), (cy + uy, cz + uz)
-        quads.append(
-            [
-                (x, p[0] + uz, p[1] - uy),
-                (x, q[0] + uz, q[1] - uy),
-                (x, q[0] - uz, q[1] + uy),
-                (x, p[0] - uz, p[1] + uy),
-            ]
-        )
+        sides = ((p, 1), (q, 1), (q, -1), (p, -1))
+        quads.append([(x, y + side * uz, z - side * uy) for (y, z), side in sides])
     b.quads(surface, quads)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,8 +19,8 @@ _SIDES = 14
 CROPPED, SHORT, LONG, TIED, CAP, BEANIE, CYCLIST, FULL = range(8)
 """Values of `shape["hair"]`: four haircuts, a cap, a beanie, a bicycle helmet and a motorcycle helmet."""
 
-# The head above its joint, as fractions of its own height: z, front and back half depth, half width.
-_SKULL = (
+_Section = tuple[float, float, float, float]  # z, front and back half depth, half width; fractions of the head's height
+_SKULL: tuple[_Section, ...] = (  # above the joint
     (0.015, 0.20, 0.20, 0.16),
     (0.06, 0.33, 0.22, 0.225),
     (0.13, 0.385, 0.25, 0.275),
@@ -62,7 +63,7 @@ class Features:
 def head(b: Builder, f: Figure, s: Features, hair: int) -> None:
     """Add a head, in the frame of its neck joint."""
     size, base = 0.142 * f.height * f.head, 0.022 * f.height
-    b.grid(s.skin, _skull(size, base), crease=-1.0, caps=(s.skin, s.skin))
+    b.grid(s.skin, _rings(_SKULL, size, base), crease=-1.0, caps=(s.skin, s.skin))
     _face(b, s, size, base)
     dress = _HATS.get(hair)
     if dress is None or hair == CAP:
@@ -71,13 +72,13 @@ def head(b: Builder, f: Figure, s: Features, hair: int) -> None:
         dress(b, s, size, base)
 
 
-def _skull(size: float, base: float) -> Array:
-    rows = []
-    for z, front, back, width in _SKULL:
-        rows.append(
+def _rings(sections: Sequence[_Section], size: float, base: float) -> Array:
+    return np.array(
+        [
             [((front if c > 0 else back) * size * c, width * size * s, base + z * size) for c, s in circle(_SIDES)]
-        )
-    return np.array(rows)
+            for z, front, back, width in sections
+        ]
+    )
 
 
 def _on_face(y: float, z: float, size: float, base: float, out: float) -> tuple[float, float, float]:
@@ -145,15 +146,9 @@ def _dome(size: float, base: float, grow: float, rim: tuple[float, float, float]
             c, s = circle(1, 360.0 * n / _SIDES)[0]
             limit = a + c1 * c + c2 * (2.0 * c * c - 1.0)
             sine, cosine = exact.sin_cos_deg(limit * (1.0 - k / (rows + 0.35)))
-            rx = 0.425 if c > 0 else 0.462
-            rz = 0.445 if cosine > 0 else 0.56
-            ring.append(
-                (
-                    (rx + grow) * size * sine * c,
-                    (0.362 + grow) * size * sine * s,
-                    base + (0.56 + (rz + grow) * cosine) * size,
-                )
-            )
+            rx, ry, rz = 0.425 if c > 0 else 0.462, 0.362, 0.445 if cosine > 0 else 0.56
+            x, y = (rx + grow) * size * sine * c, (ry + grow) * size * sine * s
+            ring.append((x, y, base + (0.56 + (rz + grow) * cosine) * size))
         found.append(ring)
     return np.array(found)
 
@@ -203,7 +198,7 @@ def _cyclist(b: Builder, s: Features, size: float, base: float) -> None:
     _hair(b, s, CROPPED, size, base)
     dome = _dome(size, base, 0.13, (66.0, 74.0, 84.0))
     dome[..., 0] *= 1.06
-    cells: list[list[Surface | None]] = [[s.hat] * _SIDES for _ in range(len(dome))]
+    cells = [[s.hat] * _SIDES for _ in range(len(dome))]
     for row in (2, 3, 4):
         for k in (1, 12, 3, 10, 7):
             cells[row + 1][k] = s.pupil
@@ -214,19 +209,15 @@ def _cyclist(b: Builder, s: Features, size: float, base: float) -> None:
 
 def _full(b: Builder, s: Features, size: float, base: float) -> None:
     """Add a full-face motorcycle helmet with a dark visor."""
-    rows = []
-    for z, front, back, width in (
+    sections = (
         (-0.02, 0.36, 0.30, 0.34), (0.10, 0.52, 0.42, 0.43), (0.26, 0.57, 0.52, 0.47), (0.36, 0.56, 0.555, 0.485),
         (0.62, 0.53, 0.57, 0.485), (0.74, 0.50, 0.56, 0.475), (0.92, 0.40, 0.46, 0.40), (1.04, 0.26, 0.30, 0.27),
         (1.10, 0.10, 0.12, 0.11),
-    ):  # fmt: skip
-        rows.append(
-            [((front if c > 0 else back) * size * c, width * size * s, base + z * size) for c, s in circle(_SIDES)]
-        )
-    cells: list[list[Surface | None]] = []
-    for row in range(len(rows) - 1):
-        cells.append([s.pupil if row in (3, 4) and (k < 4 or k >= _SIDES - 4) else s.hat for k in range(_SIDES)])
-    b.grid(cells, np.array(rows), crease=-1.0, caps=(s.hat, s.hat))
+    )  # fmt: skip
+    cells = [[s.hat] * _SIDES for _ in range(len(sections) - 1)]
+    for row in (3, 4):
+        cells[row][:4] = cells[row][-4:] = [s.pupil] * 4
+    b.grid(cells, _rings(sections, size, base), crease=-1.0, caps=(s.hat, s.hat))
 
 
 _HATS = {CAP: _cap, BEANIE: _beanie, CYCLIST: _cyclist, FULL: _full}

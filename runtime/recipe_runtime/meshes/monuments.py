@@ -85,6 +85,5 @@ def _figure(b: Builder, key: int, foot: float, tall: float) -> None:
         if path[-1][2] < path[0][2]:
             path = path[::-1]
         radii = [0.032 * tall, 0.038 * tall, 0.05 * tall]
-        b.grid(
-            _BRONZE, tube(path, radii if path[0] != shoulder else radii[::-1], 8), crease=0.0, caps=(_BRONZE, _BRONZE)
-        )
+        arm = tube(path, radii if path[0] != shoulder else radii[::-1], 8)
+        b.grid(_BRONZE, arm, crease=0.0, caps=(_BRONZE, _BRONZE))

@@ -15,7 +15,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
 
-from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises, tube
+from recipe_runtime.meshes.builder import Builder, icosphere, lattice, level, noise, noises, tube
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
@@ -34,7 +34,7 @@ def tree(b: Builder, e: Element) -> None:
     """Build a street tree centred on the origin; `species` 0 is a broadleaf, 1 a conifer, 2 a poplar."""
     spread, _, height = e.size
     key, r, species = int(e.shape["key"]), e.shape["trunk"], int(e.shape.get("species", _BROADLEAF))
-    b.quads(_PIT, [((-0.6, -0.6, 0.004), (0.6, -0.6, 0.004), (0.6, 0.6, 0.004), (-0.6, 0.6, 0.004))])
+    b.quads(_PIT, [level(-0.6, 0.6, -0.6, 0.6, 0.004)])
     lean: Array = np.zeros(3)
     if species == _BROADLEAF:
         lean = np.array([0.12 * noise(key, 1), 0.12 * noise(key, 2), 0.0])
@@ -124,11 +124,9 @@ def _tiers(kind: int) -> tuple[Array, Index]:
 
 
 def _between(rings: int, columns: int) -> Index:
-    """Return the triangles between closed rings of points."""
-    i, j = (g.reshape(-1) for g in np.meshgrid(np.arange(rings - 1), np.arange(columns), indexing="ij"))
-    n = (j + 1) % columns
-    flat = np.stack([i * columns + j, i * columns + n, (i + 1) * columns + n, (i + 1) * columns + j], axis=1)
-    return np.concatenate([flat[:, [0, 1, 2]], flat[:, [0, 2, 3]]])
+    """Return the triangles between closed rings of points: the first of each cell, then the second."""
+    triangles = lattice(rings, columns, True)
+    return np.concatenate([triangles[::2], triangles[1::2]])
 
 
 def _leafy(hull: Array, faces: Index, key: int, sprays: int, size: float, middle: Array) -> Leaves:
@@ -248,17 +246,7 @@ def planter(b: Builder, e: Element) -> None:
     rim = 0.55 * height
     b.grid(_POT, _square([(0.0, 0.84), (0.82, 0.94), (0.82, 1.0), (1.0, 1.0), (1.0, 0.86), (0.88, 0.86)], x, y, rim))
     low, inner = 0.88 * rim, 0.43
-    b.quads(
-        _SOIL,
-        [
-            [
-                (-inner * x, -inner * y, low),
-                (inner * x, -inner * y, low),
-                (inner * x, inner * y, low),
-                (-inner * x, inner * y, low),
-            ]
-        ],
-    )
+    b.quads(_SOIL, [level(-inner * x, inner * x, -inner * y, inner * y, low)])
     _shrub(b, int(e.shape["key"]), np.array([0.0, 0.0, low]), np.array([0.92 * x, 0.92 * y, height - low]))
 
 

@@ -8,7 +8,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
 
-from recipe_runtime.meshes.builder import Builder, Vec, circle, noise
+from recipe_runtime.meshes.builder import Builder, Vec, circle, level, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
 
 _ASPHALT = Surface("asphalt", Pattern.ASPHALT, Tag.ROADS)
@@ -30,10 +30,6 @@ _GROUND = Surface("ground", Pattern.GRASS, Tag.GROUND)
 _MEND, _MARK = 0.003, 0.007  # heights of repairs and of paint above the asphalt, metres
 
 
-def _sheet(x0: float, x1: float, y0: float, y1: float, z: float) -> tuple[Vec, ...]:
-    return (x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)
-
-
 def ground(b: Builder, e: Element) -> None:
     """Build the ground plane, slightly below the streets; in strips, so that no triangle is kilometres long."""
     x, y, _ = e.size
@@ -41,7 +37,7 @@ def ground(b: Builder, e: Element) -> None:
     for i in range(count):
         for j in range(count):
             x0, y0 = x * (i / count - 0.5), y * (j / count - 0.5)
-            b.quads(_GROUND, [_sheet(x0, x0 + x / count, y0, y0 + y / count, -0.04)])
+            b.quads(_GROUND, [level(x0, x0 + x / count, y0, y0 + y / count, -0.04)])
 
 
 def road(b: Builder, e: Element) -> None:
@@ -58,7 +54,7 @@ def road(b: Builder, e: Element) -> None:
     _asphalt(b, half, side, int(s["key"]))
     _dashes(b, a + (4.6 if s["stop_a"] else 0.8), c - (4.6 if s["stop_b"] else 0.8))
     if not bay:
-        b.quads(_PAINT, [_sheet(a, c, y - 0.05, y + 0.05, _MARK) for y in (-side + 0.25, side - 0.25)])
+        b.quads(_PAINT, [level(a, c, y - 0.05, y + 0.05, _MARK) for y in (-side + 0.25, side - 0.25)])
     if s["stop_a"]:  # traffic towards -x uses the lane at +y
         _stop(b, a, 1.0, lane)
     if s["stop_b"]:
@@ -72,7 +68,7 @@ def _dashes(b: Builder, start: float, end: float) -> None:
     """Add the dashed line between the lanes."""
     count = int((end - start - 1.0) / 4.5)
     first = (start + end) / 2 - (count * 4.5 - 2.5) / 2
-    b.quads(_CENTRE, [_sheet(x, x + 2.0, -0.06, 0.06, _MARK) for x in (first + 4.5 * k for k in range(count))])
+    b.quads(_CENTRE, [level(x, x + 2.0, -0.06, 0.06, _MARK) for x in (first + 4.5 * k for k in range(count))])
 
 
 def _stop(b: Builder, x: float, inward: float, lane: float) -> None:
@@ -81,7 +77,7 @@ def _stop(b: Builder, x: float, inward: float, lane: float) -> None:
     def strip(u: float, v: float, y0: float, y1: float) -> tuple[Vec, ...]:
         p, q = sorted((x + inward * u, x + inward * v))
         r, t = sorted((inward * y0, inward * y1))
-        return _sheet(p, q, r, t, _MARK)
+        return level(p, q, r, t, _MARK)
 
     b.quads(_PAINT, [strip(0.0, 0.4, 0.1, lane - 0.25)])
     b.quads(_CENTRE, [strip(0.5, 3.7, -0.06, 0.06)])
@@ -100,8 +96,8 @@ def _bays(b: Builder, e: Element, lane: float, side: float) -> None:
     high = low + count * long
     for sign in (1, -1):
         y0, y1 = sorted((sign * lane, sign * (side - 0.05)))
-        cross = [_sheet(x - 0.05, x + 0.05, y0, y1, _MARK) for x in (low + k * long for k in range(count + 1))]
-        edge = _sheet(low, high, sign * lane - 0.05, sign * lane + 0.05, _MARK)
+        cross = [level(x - 0.05, x + 0.05, y0, y1, _MARK) for x in (low + k * long for k in range(count + 1))]
+        edge = level(low, high, sign * lane - 0.05, sign * lane + 0.05, _MARK)
         b.quads(_PAINT, [edge, *cross])
 
 
@@ -109,14 +105,14 @@ def _asphalt(b: Builder, half: float, side: float, key: int) -> None:
     """Add the asphalt with its signs of wear: patches, tarred cracks and manholes."""
     pieces = max(1, int(half / 5))
     step = 2 * half / pieces
-    b.quads(_ASPHALT, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
+    b.quads(_ASPHALT, [level(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
     for k in range(int(half / 10)):
         x, y = 0.86 * half * noise(key, 10 * k), (side - 1.1) * noise(key, 10 * k + 1)
         long, wide = 1.6 + 1.2 * noise(key, 10 * k + 2), 0.8 + 0.4 * noise(key, 10 * k + 3)
-        b.quads(_PATCH, [_sheet(x - long, x + long, y - wide, y + wide, _MEND)])
+        b.quads(_PATCH, [level(x - long, x + long, y - wide, y + wide, _MEND)])
     if key % 3 == 0:  # a filled trench
         y = (side - 1.0) * noise(key, 90)
-        b.quads(_PATCH, [_sheet(-0.7 * half, 0.8 * half, y - 0.35, y + 0.35, _MEND)])
+        b.quads(_PATCH, [level(-0.7 * half, 0.8 * half, y - 0.35, y + 0.35, _MEND)])
     for k in range(int(half / 9)):
         _crack(b, 0.9 * half * noise(key, 200 + k), side, key + k)
     for k in range(max(1, int(half / 14))):
@@ -150,8 +146,8 @@ def _drains(b: Builder, along: tuple[float, float], side: float) -> None:
         x = a + (n + 0.62) * (c - a) / max(1, int((c - a) / 22))
         for sign in (1, -1):
             y0, y1 = sorted((sign * (side - 0.42), sign * (side - 0.04)))
-            b.quads(_IRON, [_sheet(x - 0.3, x + 0.3, y0, y1, _MEND)])
-            bars = [_sheet(x - 0.24 + 0.12 * k, x - 0.18 + 0.12 * k, y0 + 0.06, y1 - 0.06, 2 * _MEND) for k in range(5)]
+            b.quads(_IRON, [level(x - 0.3, x + 0.3, y0, y1, _MEND)])
+            bars = [level(x - 0.24 + 0.12 * k, x - 0.18 + 0.12 * k, y0 + 0.06, y1 - 0.06, 2 * _MEND) for k in range(5)]
             b.quads(_TAR, bars)
 
 
@@ -166,9 +162,9 @@ def carriageway(b: Builder, e: Element) -> None:
     lanes, lane, key = int(s["lanes"]), s["lane"], int(s["key"])
     right = -side + s["shoulder"]
     _asphalt_strips(b, half, side, right, lanes, lane, key)
-    solid = [_sheet(-half, half, y - 0.1, y + 0.1, _MARK) for y in (right, right + lanes * lane)]
+    solid = [level(-half, half, y - 0.1, y + 0.1, _MARK) for y in (right, right + lanes * lane)]
     dashes = [
-        _sheet(x, x + 6.0, right + n * lane - 0.075, right + n * lane + 0.075, _MARK)
+        level(x, x + 6.0, right + n * lane - 0.075, right + n * lane + 0.075, _MARK)
         for n in range(1, lanes)
         for x in (-half + 3.0 + 12.0 * k for k in range(int(length / 12.0)))
     ]
@@ -179,15 +175,15 @@ def _asphalt_strips(b: Builder, half: float, side: float, right: float, lanes: i
     """Add the surface of a motorway: darker wheel tracks, a rougher shoulder, joints and repaired sections."""
     pieces = max(1, int(half / 6))
     step = 2 * half / pieces
-    b.quads(_ASPHALT, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
+    b.quads(_ASPHALT, [level(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
     tracks = [right + (n + 0.5) * lane + w for n in range(lanes) for w in (-0.8, 0.8)]
-    b.quads(_PATCH, [_sheet(-half, half, y - 0.28, y + 0.28, _MEND) for y in tracks])
-    b.quads(_TAR, [_sheet(-half, -half + 0.05, -side, side, _MEND)])
+    b.quads(_PATCH, [level(-half, half, y - 0.28, y + 0.28, _MEND) for y in tracks])
+    b.quads(_TAR, [level(-half, -half + 0.05, -side, side, _MEND)])
     for k in range(2):
         n, x = int((0.5 + 0.5 * noise(key, k)) * lanes), 0.7 * half * noise(key, 10 + k)
         long = min(4.0 + 3.0 * noise(key, 20 + k), half - abs(x))
         y0 = right + n * lane + 0.12
-        b.quads(_PATCH, [_sheet(x - long, x + long, y0, y0 + lane - 0.24, 0.0045)])
+        b.quads(_PATCH, [level(x - long, x + long, y0, y0 + lane - 0.24, 0.0045)])
     for k in range(2):
         _crack(b, 0.9 * half * noise(key, 30 + k), side, key + k)
 
@@ -200,17 +196,17 @@ def junction(b: Builder, e: Element) -> None:
     """
     half_x, half_y, s = e.size[0] / 2, e.size[1] / 2, e.shape
     key = int(s["key"])
-    b.quads(_ASPHALT, [_sheet(-half_x, half_x, -half_y, half_y, 0.0)])
+    b.quads(_ASPHALT, [level(-half_x, half_x, -half_y, half_y, 0.0)])
     x, y = 1.6 * noise(key, 1), 1.6 * noise(key, 2)
-    b.quads(_PATCH, [_sheet(x - 1.6, x + 1.4, y - 1.0, y + 1.2, _MEND)])
+    b.quads(_PATCH, [level(x - 1.6, x + 1.4, y - 1.0, y + 1.2, _MEND)])
     _manhole(b, -1.8 * (1 if x > 0 else -1), 1.7 * noise(key, 3))
     _crack(b, 1.5 * noise(key, 4), half_y - 1.0, key)
     stripes = []
     for sign in (1, -1):
         a, c = sorted((sign * (s["over_x"] - 1.5), sign * (s["over_x"] + 1.5)))
-        stripes += [_sheet(a, c, u - 0.25, u + 0.25, _MARK) for u in _stripes(s["wide_x"])]
+        stripes += [level(a, c, u - 0.25, u + 0.25, _MARK) for u in _stripes(s["wide_x"])]
         a, c = sorted((sign * (s["over_y"] - 1.5), sign * (s["over_y"] + 1.5)))
-        stripes += [_sheet(u - 0.25, u + 0.25, a, c, _MARK) for u in _stripes(s["wide_y"])]
+        stripes += [level(u - 0.25, u + 0.25, a, c, _MARK) for u in _stripes(s["wide_y"])]
     b.quads(_PAINT, stripes)
 
 
@@ -262,7 +258,7 @@ def sidewalk(b: Builder, e: Element) -> None:
     if e.shape["paved"]:
         _square(b, ix, iy, top)
     else:
-        b.quads(_YARD, [_sheet(-ix, ix, -iy, iy, top)])
+        b.quads(_YARD, [level(-ix, ix, -iy, iy, top)])
 
 
 def _drawn_in(ring: list[tuple[float, float]], x: float, y: float) -> list[tuple[float, float]]:
@@ -276,10 +272,10 @@ def _ramps(b: Builder, half: tuple[float, float], kerb: float, verge: float, wal
         for sy in (1, -1):
             a, c = sorted((sx * (x - middle - 1.5), sx * (x - middle + 1.5)))
             p, q = sorted((sy * (y - verge), sy * (y - kerb)))
-            b.quads(_SLABS, [_sheet(a, c, p, q, top + 0.004)])
+            b.quads(_SLABS, [level(a, c, p, q, top + 0.004)])
             a, c = sorted((sx * (x - verge), sx * (x - kerb)))
             p, q = sorted((sy * (y - middle - 1.5), sy * (y - middle + 1.5)))
-            b.quads(_SLABS, [_sheet(a, c, p, q, top + 0.004)])
+            b.quads(_SLABS, [level(a, c, p, q, top + 0.004)])
 
 
 def _square(b: Builder, x: float, y: float, top: float) -> None:
@@ -289,10 +285,8 @@ def _square(b: Builder, x: float, y: float, top: float) -> None:
     for i in range(nx):
         for j in range(ny):
             x0, y0 = -x + i * wide, -y + j * high
-            b.quads(_PAVING, [_sheet(x0 + band, x0 + wide, y0 + band, y0 + high, top)])
-            b.quads(
-                _BAND, [_sheet(x0, x0 + band, y0, y0 + high, top), _sheet(x0 + band, x0 + wide, y0, y0 + band, top)]
-            )
+            b.quads(_PAVING, [level(x0 + band, x0 + wide, y0 + band, y0 + high, top)])
+            b.quads(_BAND, [level(x0, x0 + band, y0, y0 + high, top), level(x0 + band, x0 + wide, y0, y0 + band, top)])
 
 
 def path(b: Builder, e: Element) -> None:
@@ -300,4 +294,4 @@ def path(b: Builder, e: Element) -> None:
     length, width, thick = e.size
     half, side, pieces = length / 2, width / 2, max(1, int(length / 12))
     step, surface = length / pieces, _DRIVE if e.shape["drive"] else _PATH
-    b.quads(surface, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, thick) for k in range(pieces)])
+    b.quads(surface, [level(-half + k * step, -half + (k + 1) * step, -side, side, thick) for k in range(pieces)])

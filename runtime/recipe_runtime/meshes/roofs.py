@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from recipe_compiler.ir.semantic_tags import Tag
 
-from recipe_runtime.meshes.builder import Builder, Vec, noise
+from recipe_runtime.meshes.builder import Builder, Vec, level, noise
 from recipe_runtime.meshes.facades import Facade, Quad, pane_uv
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.vectors import cross, unit
@@ -69,24 +69,16 @@ def gable(
     for s in (1, -1):
         outer, t = s * (half + eaves), _THICK
         foot, ridge = ((outer, -s * reach), (outer, s * reach)), ((0.0, s * reach), (0.0, -s * reach))
-        slope(
-            b,
-            _TILES,
-            [
-                at(*foot[0], low + t),
-                at(*foot[1], low + t),
-                at(*ridge[0], height + rise + t),
-                at(*ridge[1], height + rise + t),
-            ],
-        )
-        below = [at(*foot[0], low), at(*foot[1], low), at(*ridge[0], height + rise), at(*ridge[1], height + rise)][::-1]
+        top = height + rise
+        slope(b, _TILES, [*(at(*place, low + t) for place in foot), *(at(*place, top + t) for place in ridge)])
+        below = [*(at(*place, low) for place in foot), *(at(*place, top) for place in ridge)][::-1]
         b.quads(_SOFFIT, [below], np.array([[(0, 1), (0, 1), (0, 0.3), (0, 0.3)]]))
         b.quads(_EDGE, [[at(*foot[0], low), at(*foot[1], low), at(*foot[1], low + t), at(*foot[0], low + t)]])
         for a, c in ((foot[1], ridge[0]), (ridge[1], foot[0])):
-            za, zc = (low, height + rise) if a in foot else (height + rise, low)
+            za, zc = (low, top) if a in foot else (top, low)
             b.quads(_EDGE, [[at(*a, za), at(*c, zc), at(*c, zc + t), at(*a, za + t)]])
         end = s * length
-        triangle = [at(-s * -half, end, height), at(-s * half, end, height), at(0.0, end, height + rise)]
+        triangle = [at(-s * -half, end, height), at(-s * half, end, height), at(0.0, end, top)]
         b.fan(wall, triangle)
 
 
@@ -143,7 +135,7 @@ def flat_roof(b: Builder, top: Top) -> None:
         b.quads(_EDGE, f.block((-0.06, f.width + 0.06), (-0.36, 0.08), (rim, rim + 0.1)))
         b.quads(_EDGE, [f.face(-0.06, f.width + 0.06, rim, rim + 0.1, -0.36)[::-1]])
     _cornice(b, top, height)
-    b.quads(_FLAT, [((-depth, -half, height), (0, -half, height), (0, half, height), (-depth, half, height))])
+    b.quads(_FLAT, [level(-depth, 0, -half, half, height)])
     if noise(top.key, 7) > -0.3:
         aside = noise(top.key, 8) * (half - 2.5)
         b.box(_HEAD, (-depth + 1.5, aside - 1.5, height), (-depth + 4.5, aside + 1.5, height + 2.5), "-z")

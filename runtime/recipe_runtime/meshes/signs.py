@@ -193,9 +193,8 @@ def gantry(b: Builder, e: Element) -> None:
     lanes, lane, key = int(e.shape["lanes"]), e.shape["lane"], int(e.shape["key"])
     for n in range(lanes):
         out = e.shape["exit"] > 0 and n == lanes - 1
-        _board(
-            b, e.shape["first"] + n * lane, height - 0.8, lane - 0.25, PLACES[(key + n) % len(PLACES)], x + 0.06, out
-        )
+        y, place = e.shape["first"] + n * lane, PLACES[(key + n) % len(PLACES)]
+        _board(b, y, height - 0.8, lane - 0.25, place, x + 0.06, out)
 
 
 def _board(b: Builder, y: float, z: float, wide: float, place: str, x: float, out: bool) -> None:

@@ -3,49 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.body.skeleton import Bike
 from recipe_runtime.meshes.builder import Builder, circle
+from recipe_runtime.meshes.coachwork import Finish
 from recipe_runtime.meshes.lofts import loft, tube
-from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
+from recipe_runtime.meshes.mesh import Light, Mesh, Surface
 from recipe_runtime.meshes.pedestrian import rider_parts
 from recipe_runtime.meshes.wheels import spoked_wheel
 
 
-@dataclass(frozen=True)
-class _Finish:
-    """The surfaces of a two-wheeler."""
-
-    paint: Surface
-    frame: Surface
-    trim: Surface
-    rubber: Surface
-    headlight: Surface
-    taillight: Surface
-    plate: Surface
-
-    @classmethod
-    def of(cls, tag: int) -> _Finish:
-        return cls(
-            Surface("paint", Pattern.CAR_PAINT, tag),
-            Surface("rim", Pattern.METAL, tag),
-            Surface("trim", Pattern.PLAIN, tag),
-            Surface("rubber", Pattern.RUBBER, tag),
-            Surface("headlight", Pattern.HEADLIGHT, tag),
-            Surface("taillight", Pattern.TAILLIGHT, tag),
-            Surface("plate", Pattern.PLAIN, tag),
-        )
-
-
 def twowheeler_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, Mesh], ...]:
     """Return the base part `chassis`, with its origin on the ground between the wheels, then those of `Bike.joints`."""
-    bike, f = Bike.of(shape), _Finish.of(tag)
+    bike, f = Bike.of(shape), Finish.of(tag)
     joints = bike.joints()
     wheel = spoked_wheel(
-        f.rubber, f.frame, bike.wheel, bike.tyre, 10 if bike.motor else 14, f.trim if bike.motor else None
+        f.rubber, f.rim, bike.wheel, bike.tyre, 10 if bike.motor else 14, f.trim if bike.motor else None
     )
     made = {"fork": _motor_fork(f, bike) if bike.motor else _fork(f, bike), "crank": _crank(f, bike)}
     made |= {"wheel_front": wheel, "wheel_rear": wheel}
@@ -55,7 +30,7 @@ def twowheeler_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, M
     return (*machine, *rider_parts(shape, Tag.RIDER, joints[own:]))
 
 
-def _frame(f: _Finish, k: Bike) -> Mesh:
+def _frame(f: Finish, k: Bike) -> Mesh:
     """Return a bicycle's frame: tubes between head, cranks, saddle and rear hub, with saddle, mudguards and lamps."""
     b = Builder()
     (hx, _, hz), (cx, _, cz), (sx, _, sz) = k.hips, k.crank, k.steering
@@ -66,7 +41,7 @@ def _frame(f: _Finish, k: Bike) -> Mesh:
     tube(b, f.paint, [(cx, 0, cz), neck], 0.020)
     tube(b, f.paint, [(cx, 0, cz), top, (hx + 0.045, 0, hz - 0.22)], 0.017)
     tube(b, f.paint, [(sx - 0.055, 0.0, sz + 0.20), (sx - 0.02, 0, sz + 0.03)], 0.021)
-    tube(b, f.frame, [(hx + 0.05, 0, hz - 0.24), (hx + 0.02, 0, hz - 0.12)], 0.013)
+    tube(b, f.rim, [(hx + 0.05, 0, hz - 0.24), (hx + 0.02, 0, hz - 0.12)], 0.013)
     for s in (1.0, -1.0):
         hub = (rear, s * 0.05, k.wheel)
         tube(b, f.paint, [(cx - 0.02, s * 0.02, cz), hub], 0.010, 6)
@@ -94,23 +69,18 @@ def _guard(
     b.grid(surface, [row[::-1] for row in rows], closed=False, crease=0.2)
 
 
-def _fork(f: _Finish, k: Bike) -> Mesh:
+def _fork(f: Finish, k: Bike) -> Mesh:
     """Return fork, stem, handlebar and lamp, in the frame of the steering axis' lower end."""
     b = Builder()
     ahead, down = k.wheelbase / 2 - k.steering[0], k.wheel - k.steering[2]
     x, y, z = k.grips
     for s in (1.0, -1.0):
-        tube(
-            b,
-            f.paint,
-            [(0.0, s * 0.045, 0.02), (0.02, s * 0.05, -0.06), (ahead, s * 0.05, down)],
-            (0.015, 0.014, 0.009),
-            6,
-        )
+        blade = [(0.0, s * 0.045, 0.02), (0.02, s * 0.05, -0.06), (ahead, s * 0.05, down)]
+        tube(b, f.paint, blade, (0.015, 0.014, 0.009), 6)
     tube(b, f.paint, [(0.0, -0.05, 0.015), (0.0, 0.05, 0.015)], 0.018, 6)
-    tube(b, f.frame, [(-0.03, 0, 0.1), (-0.085, 0, 0.34), (-0.04, 0, z - 0.02)], 0.013)
+    tube(b, f.rim, [(-0.03, 0, 0.1), (-0.085, 0, 0.34), (-0.04, 0, z - 0.02)], 0.013)
     bar = [(x, y, z), (x + 0.1, 0.75 * y, z + 0.01), (-0.03, 0.3 * y, z - 0.01), (-0.04, 0, z - 0.02)]
-    tube(b, f.frame, [*bar, *[(px, -py, pz) for px, py, pz in bar[-2::-1]]], 0.011, 6)
+    tube(b, f.rim, [*bar, *[(px, -py, pz) for px, py, pz in bar[-2::-1]]], 0.011, 6)
     for s in (1.0, -1.0):
         tube(b, f.rubber, [(x - 0.01, s * (y + 0.01), z), (x + 0.085, s * 0.79 * y, z + 0.009)], 0.016, 6)
     _lamp(b, f, (0.05, 0.0, 0.10), 0.035, 600.0)
@@ -118,32 +88,31 @@ def _fork(f: _Finish, k: Bike) -> Mesh:
     return b.mesh()
 
 
-def _lamp(b: Builder, f: _Finish, at: tuple[float, float, float], radius: float, candela: float) -> None:
+def _lamp(b: Builder, f: Finish, at: tuple[float, float, float], radius: float, candela: float) -> None:
     """Add a round headlamp."""
     x, y, z = at
-    shell = [(x - 1.5 * radius, 0.3), (x - 0.8 * radius, 0.85), (x, 1.0)]
-    b.grid(f.trim, [[(px, y + radius * k * c, z + radius * k * s) for c, s in circle(10)] for px, k in shell],
-           crease=0.2, caps=(f.trim, None))  # fmt: skip
-    glass = [
-        [(px, y + radius * k * c, z + radius * k * s) for c, s in circle(10)]
-        for px, k in ((x, 1.0), (x + 0.3 * radius, 0.6))
-    ]
-    b.grid(f.headlight, glass, crease=0.2, caps=(None, f.headlight))
+
+    def rings(profile: list[tuple[float, float]]) -> list[list[tuple[float, float, float]]]:
+        return [[(px, y + radius * k * c, z + radius * k * s) for c, s in circle(10)] for px, k in profile]
+
+    shell = rings([(x - 1.5 * radius, 0.3), (x - 0.8 * radius, 0.85), (x, 1.0)])
+    b.grid(f.trim, shell, crease=0.2, caps=(f.trim, None))
+    b.grid(f.headlight, rings([(x, 1.0), (x + 0.3 * radius, 0.6)]), crease=0.2, caps=(None, f.headlight))
     b.lights.append(Light((round(x + 0.5 * radius, 6), y, z), (0.994988, 0.0, -0.1), (1.0, 0.93, 0.82), candela, 0.88))
 
 
-def _crank(f: _Finish, k: Bike) -> Mesh:
+def _crank(f: Finish, k: Bike) -> Mesh:
     """Return chainring, cranks and round pedals in the frame of the bottom bracket; at rest the left crank is up."""
     b = Builder()
-    tube(b, f.frame, [(0, -0.075, 0), (0, 0.075, 0)], 0.016, 8)
-    tube(b, f.frame, [(0, -0.06, 0), (0, -0.052, 0)], 0.09, 16)
+    tube(b, f.rim, [(0, -0.075, 0), (0, 0.075, 0)], 0.016, 8)
+    tube(b, f.rim, [(0, -0.06, 0), (0, -0.052, 0)], 0.09, 16)
     for s in (1.0, -1.0):
-        tube(b, f.frame, [(0, s * 0.075, 0), (0, s * 0.08, s * k.pedals)], 0.010, 6)
+        tube(b, f.rim, [(0, s * 0.075, 0), (0, s * 0.08, s * k.pedals)], 0.010, 6)
         tube(b, f.rubber, [(0, s * 0.085, s * k.pedals), (0, s * 0.17, s * k.pedals)], 0.014, 6)
     return b.mesh()
 
 
-def _motor(f: _Finish, k: Bike) -> Mesh:
+def _motor(f: Finish, k: Bike) -> Mesh:
     """Return the body of a motorcycle: engine, tank, seat and tail, swing arm, exhaust, number plate and lamp."""
     b = Builder()
     (hx, _, hz), (sx, _, sz), half, r = k.hips, k.steering, k.wheelbase / 2, k.wheel
@@ -154,10 +123,10 @@ def _motor(f: _Finish, k: Bike) -> Mesh:
         (r + 0.14, 0.21, 0.15, 0.02),
         (r + 0.24, 0.16, 0.12, 0.05),
     ]
-    loft(b, f.trim, [(z, rx, ry, x) for z, rx, ry, x in engine], square=0.2, sides=12)
+    loft(b, f.trim, engine, square=0.2, sides=12)
     for n in range(4):
         z = r + 0.03 + 0.045 * n
-        loft(b, f.frame, [(z, 0.13, 0.165, 0.06), (z + 0.018, 0.13, 0.165, 0.06)], square=0.2, domes=0)
+        loft(b, f.rim, [(z, 0.13, 0.165, 0.06), (z + 0.018, 0.13, 0.165, 0.06)], square=0.2, domes=0)
     tank = [(seat - 0.03, 0.20, 0.09, 0.0), (seat + 0.05, 0.25, 0.145, 0.01), (seat + 0.13, 0.22, 0.14, 0.03),
             (seat + 0.18, 0.13, 0.09, 0.05)]  # fmt: skip
     loft(b, f.paint, [(z, rx, ry, hx + 0.46 + x) for z, rx, ry, x in tank], square=0.1, sides=14)
@@ -165,40 +134,31 @@ def _motor(f: _Finish, k: Bike) -> Mesh:
     loft(b, f.trim, [(z, rx, ry, hx - 0.08 + x) for z, rx, ry, x in bench], sides=14)
     tail = [(seat - 0.13, 0.16, 0.06, 0.08), (seat - 0.05, 0.30, 0.125, 0.0), (seat - 0.02, 0.30, 0.12, -0.04)]
     loft(b, f.paint, [(z, rx, ry, hx - 0.16 + x) for z, rx, ry, x in tail], sides=12)
-    tube(b, f.frame, [(0.26, 0.0, r + 0.02), (sx - 0.1, 0.0, sz + 0.02), (sx - 0.06, 0, sz + 0.22)], 0.035)
-    tube(b, f.frame, [(sx - 0.06, 0, sz + 0.2), (hx + 0.3, 0, seat)], 0.03)
+    tube(b, f.rim, [(0.26, 0.0, r + 0.02), (sx - 0.1, 0.0, sz + 0.02), (sx - 0.06, 0, sz + 0.22)], 0.035)
+    tube(b, f.rim, [(sx - 0.06, 0, sz + 0.2), (hx + 0.3, 0, seat)], 0.03)
     for s in (1.0, -1.0):
-        tube(b, f.frame, [(-0.12, s * 0.09, r + 0.02), (-half, s * 0.085, r)], 0.026, 6)
-        tube(b, f.frame, [(-half + 0.06, s * 0.09, r + 0.03), (hx - 0.1, s * 0.10, seat - 0.06)], 0.022, 6)
-        tube(
-            b,
-            f.rubber,
-            [(0.03 * k.wheelbase, s * 0.12, r + 0.015), (0.03 * k.wheelbase, s * 0.24, r + 0.015)],
-            0.014,
-            6,
-        )
+        tube(b, f.rim, [(-0.12, s * 0.09, r + 0.02), (-half, s * 0.085, r)], 0.026, 6)
+        tube(b, f.rim, [(-half + 0.06, s * 0.09, r + 0.03), (hx - 0.1, s * 0.10, seat - 0.06)], 0.022, 6)
+        tube(b, f.rubber, [(0.03 * k.wheelbase, s * y, r + 0.015) for y in (0.12, 0.24)], 0.014, 6)
     pipe = [(0.24, -0.13, r + 0.16), (0.26, -0.15, r - 0.06), (-0.1, -0.17, r - 0.10), (-half - 0.1, -0.18, r + 0.06)]
-    tube(b, f.frame, pipe, (0.026, 0.026, 0.04, 0.05))
+    tube(b, f.rim, pipe, (0.026, 0.026, 0.04, 0.05))
     end = hx - 0.44
     _guard(b, f.trim, (-half, r), r + 0.02, 0.075, -35.0, 75.0)
     b.box(f.taillight, (end - 0.05, -0.08, seat - 0.05), (end + 0.02, 0.08, seat + 0.01))
     px, pz = -half - 0.30, r + 0.10
-    b.quads(f.plate, [[(px, 0.1, pz), (px, -0.1, pz), (px + 0.03, -0.1, pz + 0.16), (px + 0.03, 0.1, pz + 0.16)]])
-    b.quads(
-        f.trim,
-        [[(px + 0.004, -0.1, pz), (px + 0.004, 0.1, pz), (px + 0.034, 0.1, pz + 0.16), (px + 0.034, -0.1, pz + 0.16)]],
-    )
+    for surface, low, high, y in ((f.plate, px, px + 0.03, 0.1), (f.trim, px + 0.004, px + 0.034, -0.1)):
+        b.quads(surface, [[(low, y, pz), (low, -y, pz), (high, -y, pz + 0.16), (high, y, pz + 0.16)]])
     tube(b, f.trim, [(px + 0.03, 0, pz + 0.14), (end + 0.05, 0.0, seat - 0.06)], 0.03, 6)
     return b.mesh()
 
 
-def _motor_fork(f: _Finish, k: Bike) -> Mesh:
+def _motor_fork(f: Finish, k: Bike) -> Mesh:
     """Return telescopic fork, lamp, dials, mirrors and handlebar, in the frame of the steering axis' lower end."""
     b = Builder()
     ahead, down = k.wheelbase / 2 - k.steering[0], k.wheel - k.steering[2]
     x, y, z = k.grips
     for s in (1.0, -1.0):
-        tube(b, f.frame, [(-0.13, s * 0.10, z - 0.08), (ahead - 0.06, s * 0.095, down + 0.2)], 0.024)
+        tube(b, f.rim, [(-0.13, s * 0.10, z - 0.08), (ahead - 0.06, s * 0.095, down + 0.2)], 0.024)
         tube(b, f.trim, [(ahead - 0.06, s * 0.095, down + 0.22), (ahead, s * 0.095, down)], 0.032)
     bar = [(x, y, z), (x + 0.07, 0.6 * y, z + 0.015), (-0.13, 0.3 * y, z - 0.04), (-0.13, 0, z - 0.05)]
     tube(b, f.trim, [*bar, *[(px, -py, pz) for px, py, pz in bar[-2::-1]]], 0.014, 6)

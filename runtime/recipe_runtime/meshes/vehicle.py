@@ -8,7 +8,7 @@ from dataclasses import replace
 from recipe_compiler.ir.semantic_tags import BODIES
 
 from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
-from recipe_runtime.meshes.builder import Builder
+from recipe_runtime.meshes.builder import Builder, level
 from recipe_runtime.meshes.coachwork import Finish, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.styles import STYLES
@@ -132,7 +132,7 @@ def _bed(b: Builder, f: Finish, shell: Shell) -> None:
     """Add a pickup's open bed: a dark floor and walls inside the shell."""
     x0, x1, top = shell.x(0.012), shell.x(0.384), shell.belt(0.2)
     y, z = 0.915 * shell.half, top - 0.42
-    b.quads(f.trim, [[(x0, -y, z), (x1, -y, z), (x1, y, z), (x0, y, z)]])
+    b.quads(f.trim, [level(x0, x1, -y, y, z)])
     for s in (1.0, -1.0):
         wall = [(x0, s * y, z), (x1, s * y, z), (x1, s * y, top + 0.03), (x0, s * y, top + 0.03)]
         b.quads(f.trim, [wall if s > 0 else wall[::-1]])

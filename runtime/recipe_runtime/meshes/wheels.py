@@ -48,13 +48,8 @@ def spoked_wheel(rubber: Surface, rim: Surface, radius: float, tyre: float, spok
         (c, s), (tc, ts) = circle(1, 360.0 * k / spokes)[0], circle(1, 360.0 * k / spokes + 90.0)[0]
         side = 0.03 if k % 2 else -0.03
         for turn in (1.0, -1.0):
-            quad = [
-                (hub * s + turn * thick * ts, side, hub * c + turn * thick * tc),
-                (hub * s - turn * thick * ts, side, hub * c - turn * thick * tc),
-                (inner * s - turn * thick * ts, 0.0, inner * c - turn * thick * tc),
-                (inner * s + turn * thick * ts, 0.0, inner * c + turn * thick * tc),
-            ]
-            b.quads(rim, [quad])
+            corners = ((hub, turn, side), (hub, -turn, side), (inner, -turn, 0.0), (inner, turn, 0.0))
+            b.quads(rim, [[(r * s + t * thick * ts, y, r * c + t * thick * tc) for r, t, y in corners]])
     if disc is not None:
         for y in (-0.07, 0.07):
             b.fan(disc, _around(y, 0.45 * radius)[:: 1 if y < 0 else -1])
