@@ -19,12 +19,10 @@ import trimesh
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from recipe_compiler.compile import Compiled, compile_recipe
-from recipe_compiler.ir.assets import MeshData
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_compiler.ir.plan import Clock, DatasetPlan, FilePlan, Pose, PropPlan, ScenePlan
+from recipe_compiler.ir.plan import Clock, DatasetPlan, Pose, PropPlan, ScenePlan
 from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import BuildOptions, build
-from recipe_runtime.core import asset_files
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.trace import METRE
 from recipe_runtime.dataset import reader as datasets
@@ -164,24 +162,6 @@ def test_a_dataset_lists_its_assets(built: tuple[Compiled, DatasetPlan, Path]) -
     assert str(GOOD.parent) not in reported
 
 
-def test_a_file_with_many_images_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each of 64 images of a mesh of 32 MiB read and hashed the whole file, in each scene."""
-    body, reads = b"a mesh", list[Path]()
-    path, file = tmp_path / "m.glb", FilePlan(sha256=hashlib.sha256(body).hexdigest(), bytes=len(body), kind="glb")
-    path.write_bytes(body)
-
-    def read(path: Path, limit: int) -> bytes:
-        reads.append(path)
-        return path.read_bytes()
-
-    monkeypatch.setattr(asset_files, "read_regular", read)
-    assets = Assets({file.sha256: path})
-    assert assets.content(file) == assets.content(file) == body and len(reads) == 1
-    path.write_bytes(b"others")
-    with pytest.raises(RunError, match="is no longer the file"):
-        assets.content(file)
-
-
 def test_a_changed_asset_file_is_not_used(tmp_path: Path) -> None:
     _, prop = _mesh_prop()
     assert prop.mesh is not None
@@ -238,21 +218,6 @@ def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str) -> No
         plan.variants[0].model_validate(variant)
 
 
-def test_a_mesh_is_decoded_once_for_all_of_its_props(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file of 500,000 triangles takes seconds to decode, and a scene may have 1,000 props."""
-    assets, prop = _mesh_prop()
-    decoded: list[str] = []
-    real = Assets.mesh
-
-    def noted(self: Assets, prop: PropPlan) -> MeshData:
-        decoded.append(prop.name)
-        return real(self, prop)
-
-    monkeypatch.setattr(Assets, "mesh", noted)
-    assert len(list(prop_bodies([prop] * 5, assets))) == 5
-    assert len(decoded) == 1
-
-
 def test_the_triangles_of_an_untrusted_plan_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plan from a dataset may show one mesh of the dataset's recipe any number of times."""
     assets, prop = _mesh_prop()
@@ -294,7 +259,6 @@ print(hashlib.sha256(street.render(1).tobytes()).hexdigest())
 @pytest.mark.slow
 def test_a_frame_with_props_has_the_same_bytes_in_any_process() -> None:
     """In this process, and in one with another hash seed and without FMA."""
-    import hashlib
 
     street = recipe_runtime.open(GOOD, variant="poster=on_mesh,wedge=there")
     here = hashlib.sha256(street.render(1).tobytes()).hexdigest()
