@@ -22,7 +22,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.patches import GREEN, WITH_CHART, TransferMethod
+from recipe_compiler.ir.patches import GREEN, TransferMethod
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.insertion.color_chart import COLORS, ChartPixels
@@ -50,11 +50,6 @@ class Transfer:
             return np.ones((len(placeholder), 1))
         ratios: Array = placeholder.max(axis=1, keepdims=True).astype(np.float64) / self.reference
         return ratios
-
-
-def uses_chart(method: TransferMethod | None) -> bool:
-    """Return whether a method, or None, needs the picture of a chart."""
-    return method in WITH_CHART
 
 
 def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:

@@ -9,14 +9,14 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.patches import PatchPlan
+from recipe_compiler.ir.patches import WITH_CHART, PatchPlan
 from recipe_compiler.ir.plan import AppearancePlan, SensorPlan, TexturePlan
 
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, sensor_transform
 from recipe_runtime.insertion import projection
 from recipe_runtime.insertion.color_chart import ChartPixels, chart_appearance, chart_pixels
-from recipe_runtime.insertion.color_transfer import transfer, uses_chart
+from recipe_runtime.insertion.color_transfer import transfer
 from recipe_runtime.insertion.warp import Image, reduced, sampled, texture_size
 
 _IMAGES = 8  # decoded textures in memory
@@ -90,7 +90,7 @@ class Inserter:
             pixels = self.pixels(shown, appearance, number, sensor, frame) if patch.inserted else None
             if pixels is None:
                 continue
-            chart = _chart(renderer, appearance, number) if uses_chart(patch.transfer) else None
+            chart = _chart(renderer, appearance, number) if patch.transfer in WITH_CHART else None
             texture = others[patch.name] if patch.name in others else self._texture(patch, frame)
             rows, columns = pixels.rows, pixels.columns
             values = _values(patch, texture, chart, pixels, before[rows, columns])

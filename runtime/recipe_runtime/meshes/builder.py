@@ -51,6 +51,11 @@ def level(x0: float, x1: float, y0: float, y1: float, z: float) -> tuple[Vec, ..
     return (x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)
 
 
+def upright(x: float, y0: float, y1: float, z0: float, z1: float) -> tuple[Vec, ...]:
+    """Return an upright rectangle that faces +x."""
+    return (x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)
+
+
 class Builder:
     """Collects triangles; `mesh` returns the result. Coordinates are in metres."""
 

@@ -10,17 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
-from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
-from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced
+from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced, surface
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.roofs import Top, flat_roof, pitched_roof
 from recipe_runtime.meshes.shopfronts import Ground, ground_floor
-
-
-def _surface(slot: str, pattern: Pattern) -> Surface:
-    return Surface(slot, pattern, Tag.BUILDINGS)
 
 
 @dataclass(frozen=True)
@@ -39,21 +34,21 @@ class _Family:
     courses: bool = False  # whether each floor has a moulding
 
 
-_BRICK = _Family(_surface("wall", Pattern.BRICK), 0.44, 0.85, 1.7, 0.2, hood=True)
-_PLASTER = _Family(_surface("wall", Pattern.PLASTER), 0.40, 0.75, 1.85, 0.2, surround=True)
-_CONCRETE = _Family(_surface("wall", Pattern.CONCRETE), 0.82, 0.8, 1.75, 0.28, band=True)
-_BALCONIED = _Family(_surface("wall", Pattern.PLASTER), 0.5, 0.6, 1.95, 0.22, balconies=True)
-_GLASS = _Family(_surface("trim", Pattern.CONCRETE), 1.0, 0.0, 3.0, 0.0)
-_STONE = _Family(_surface("wall", Pattern.STONE), 0.42, 0.8, 1.85, 0.26, hood=True, surround=True, courses=True)
+_BRICK = _Family(surface("wall", Pattern.BRICK), 0.44, 0.85, 1.7, 0.2, hood=True)
+_PLASTER = _Family(surface("wall", Pattern.PLASTER), 0.40, 0.75, 1.85, 0.2, surround=True)
+_CONCRETE = _Family(surface("wall", Pattern.CONCRETE), 0.82, 0.8, 1.75, 0.28, band=True)
+_BALCONIED = _Family(surface("wall", Pattern.PLASTER), 0.5, 0.6, 1.95, 0.22, balconies=True)
+_GLASS = _Family(surface("trim", Pattern.CONCRETE), 1.0, 0.0, 3.0, 0.0)
+_STONE = _Family(surface("wall", Pattern.STONE), 0.42, 0.8, 1.85, 0.26, hood=True, surround=True, courses=True)
 _FAMILIES = (_BRICK, _PLASTER, _CONCRETE, _BALCONIED, _GLASS, _STONE)  # indexed by the parameter `style`
 
-_NICHE = _surface("wall", Pattern.NICHE)
-_TRIM = _surface("trim", Pattern.PLASTER)
-_UNDER = _surface("trim", Pattern.NICHE)
-_WINDOW = _surface("window", Pattern.WINDOW)
-_REAR = _surface("window", Pattern.FACADE)
-_CURTAIN = _surface("window", Pattern.CURTAIN_WALL)
-_METAL = _surface("metal", Pattern.METAL)
+_NICHE = surface("wall", Pattern.NICHE)
+_TRIM = surface("trim", Pattern.PLASTER)
+_UNDER = surface("trim", Pattern.NICHE)
+_WINDOW = surface("window", Pattern.WINDOW)
+_REAR = surface("window", Pattern.FACADE)
+_CURTAIN = surface("window", Pattern.CURTAIN_WALL)
+_METAL = surface("metal", Pattern.METAL)
 
 
 def building(b: Builder, e: Element) -> None:

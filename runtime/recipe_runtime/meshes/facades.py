@@ -9,11 +9,18 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Vec
+from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.vectors import Array
 
 Quad = tuple[Vec, ...]
+
+
+def surface(slot: str, pattern: Pattern) -> Surface:
+    """Return a surface of a building."""
+    return Surface(slot, pattern, Tag.BUILDINGS)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
 
-from recipe_runtime.meshes.builder import Builder, Vec, noise, tube
+from recipe_runtime.meshes.builder import Builder, Vec, noise, tube, upright
 from recipe_runtime.meshes.facades import Facade, pane_uv
 from recipe_runtime.meshes.lettering import write
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
@@ -35,7 +35,7 @@ _DISPLAY = _static("shop", Pattern.SHOP_WINDOW)
 _AWNING = _static("awning", Pattern.CLOTH)
 
 
-def upright(profile: list[tuple[float, float]], sides: int) -> Array:
+def lathed(profile: list[tuple[float, float]], sides: int) -> Array:
     """Return rings around the z axis from (height, radius) pairs, for `Builder.grid`."""
     return tube([(0.0, 0.0, z) for z, _ in profile], [r for _, r in profile], sides)
 
@@ -49,8 +49,8 @@ def lamp(b: Builder, e: Element) -> None:
     """Build a street lamp: a pole with an arm over the street (+x) and a lantern that shines downwards."""
     _, thick, height = e.size
     arm, r = e.shape["arm"], thick / 2
-    b.grid(_POLE, upright([(0, 1.6 * r), (0.7, 1.5 * r), (0.78, r)], 8), crease=0.5)
-    b.grid(_POLE, upright([(0.7, r), (height - 0.5, 0.55 * r)], 8))
+    b.grid(_POLE, lathed([(0, 1.6 * r), (0.7, 1.5 * r), (0.78, r)], 8), crease=0.5)
+    b.grid(_POLE, lathed([(0.7, r), (height - 0.5, 0.55 * r)], 8))
     rings = []
     for k in range(4):  # a quarter circle from the pole into the arm
         s, c = exact.sin_cos_deg(30.0 * k)
@@ -85,7 +85,7 @@ def bin_(b: Builder, e: Element) -> None:
     across, _, height = e.size
     r = across / 2 / 1.08
     body = [(0.0, 0.85 * r), (0.8, r), (0.82, 1.08 * r), (0.86, 1.08 * r), (1.0, 0.45 * r)]
-    b.grid(_METAL, upright([(z * height, radius) for z, radius in body], 12), crease=0.6, caps=(None, _METAL))
+    b.grid(_METAL, lathed([(z * height, radius) for z, radius in body], 12), crease=0.6, caps=(None, _METAL))
 
 
 def hydrant(b: Builder, e: Element) -> None:
@@ -93,9 +93,9 @@ def hydrant(b: Builder, e: Element) -> None:
     across, _, height = e.size
     r = across / 2
     profile = [(0.0, 0.8), (0.06, 0.8), (0.08, 0.52), (0.62, 0.5), (0.64, 0.7), (0.7, 0.7), (0.72, 0.5)]
-    b.grid(_METAL, upright([(z * height, k * r) for z, k in profile], 10), crease=0.6)
+    b.grid(_METAL, lathed([(z * height, k * r) for z, k in profile], 10), crease=0.6)
     dome = [(0.72, 0.58), (0.8, 0.54), (0.88, 0.38), (0.93, 0.16), (0.94, 0.12), (1.0, 0.12)]
-    b.grid(_CAP, upright([(z * height, k * r) for z, k in dome], 10), crease=0.6, caps=(None, _CAP))
+    b.grid(_CAP, lathed([(z * height, k * r) for z, k in dome], 10), crease=0.6, caps=(None, _CAP))
     for s, c, low, size in ((0, 1, 0.42, 0.2), (1, 0, 0.5, 0.15), (-1, 0, 0.5, 0.15)):
         a = size * r * 1.6
         x, y, z = c * r, s * r, low * height
@@ -108,10 +108,10 @@ def bollard(b: Builder, e: Element) -> None:
     """Build a bollard with a bright band."""
     across, _, height = e.size
     r = across / 2
-    b.grid(_POLE, upright([(0.0, r), (0.05, r), (0.07, 0.72 * r), (0.78 * height, 0.66 * r)], 10), crease=0.6)
-    b.grid(_BAND, upright([(0.78 * height, 0.66 * r), (0.88 * height, 0.66 * r)], 10))
+    b.grid(_POLE, lathed([(0.0, r), (0.05, r), (0.07, 0.72 * r), (0.78 * height, 0.66 * r)], 10), crease=0.6)
+    b.grid(_BAND, lathed([(0.78 * height, 0.66 * r), (0.88 * height, 0.66 * r)], 10))
     top = [(0.88 * height, 0.66 * r), (0.95 * height, 0.6 * r), (height, 0.25 * r)]
-    b.grid(_POLE, upright(top, 10), crease=0.5, caps=(None, _POLE))
+    b.grid(_POLE, lathed(top, 10), crease=0.5, caps=(None, _POLE))
 
 
 def bus_stop(b: Builder, e: Element) -> None:
@@ -151,23 +151,19 @@ def kiosk(b: Builder, e: Element) -> None:
     x, y, key = depth / 2, width / 2, int(e.shape["key"])
     front, top = x - 0.6, height - 0.35  # the awning extends beyond the rest
     b.box(_PANEL, (-x, -y, 0.0), (front, y, top), "-z +x")
-    b.quads(_PANEL, [_front(front, -y, y, 0.0, 0.95), _front(front, -y, y, 2.1, top)])
-    b.quads(_PANEL, [_front(front, -y, -y + 0.25, 0.95, 2.1), _front(front, y - 0.25, y, 0.95, 2.1)])
-    b.quads(_DISPLAY, [_front(front, -y + 0.25, y - 0.25, 0.95, 2.1)], pane_uv([(key, 0)]))
+    b.quads(_PANEL, [upright(front, -y, y, 0.0, 0.95), upright(front, -y, y, 2.1, top)])
+    b.quads(_PANEL, [upright(front, -y, -y + 0.25, 0.95, 2.1), upright(front, y - 0.25, y, 0.95, 2.1)])
+    b.quads(_DISPLAY, [upright(front, -y + 0.25, y - 0.25, 0.95, 2.1)], pane_uv([(key, 0)]))
     b.box(_TRIM, (front, -y + 0.15, 0.88), (front + 0.3, y - 0.15, 0.95), "-x")
     b.box(_ROOF, (-x - 0.0, -y, top), (front, y, top + 0.08), "-z")
     b.box(_SIGN, (front - 0.12, -y + 0.3, top + 0.08), (front - 0.04, y - 0.3, height))
     write(b, _LETTERS, _FRONTAL, "NEWS", 0.0, top + 0.11, height - top - 0.14, front - 0.036)
     low, high, reach = 2.05, 2.35, x
     slope = [(reach, -y, low), (reach, y, low), (front, y, high), (front, -y, high)]
-    valance = _front(reach, -y, y, low - 0.16, low)
+    valance = upright(reach, -y, y, low - 0.16, low)
     b.quads(_AWNING, [slope, slope[::-1], valance, valance[::-1]])
     corners = ((0.4, 0.6), (1.3, 0.6), (1.3, 1.9), (0.4, 1.9))
     b.quads(_POSTER, [[(-x + along, -y - 0.01, z) for along, z in corners]], picture(key + 3))
-
-
-def _front(x: float, y0: float, y1: float, z0: float, z1: float) -> list[tuple[float, float, float]]:
-    return [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)]
 
 
 def billboard(b: Builder, e: Element) -> None:
@@ -179,5 +175,5 @@ def billboard(b: Builder, e: Element) -> None:
         b.grid(_POLE, tube([(-0.1, py, 0.0), (-0.1, py, height - 0.2)], [0.11, 0.11], 8), caps=(None, _POLE))
     b.box(_METAL, (-0.04, -y, low), (0.06, y, height))
     m = 0.12
-    b.quads(_POSTER, [_front(0.066, -y + m, y - m, low + m, height - m)], picture(key))
+    b.quads(_POSTER, [upright(0.066, -y + m, y - m, low + m, height - m)], picture(key))
     b.box(_METAL, (-0.04, -y, low - 0.12), (x, y, low - 0.06))

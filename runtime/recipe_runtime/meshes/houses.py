@@ -7,10 +7,9 @@ beyond it.
 from __future__ import annotations
 
 from recipe_compiler.ir.plan import Element
-from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
-from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced
+from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced, surface
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.roofs import chimney, gable, hip
 
@@ -18,19 +17,15 @@ EAVES = 0.45  # overhang of the roof beyond the walls, metres
 PORCH = 1.6  # depth of a porch, metres
 
 
-def _surface(slot: str, pattern: Pattern) -> Surface:
-    return Surface(slot, pattern, Tag.BUILDINGS)
-
-
-_WALLS = tuple(_surface("wall", p) for p in (Pattern.BRICK, Pattern.PLASTER, Pattern.CLAPBOARD))
-_NICHE = _surface("wall", Pattern.NICHE)
-_TRIM = _surface("trim", Pattern.PLAIN)
-_WINDOW = _surface("window", Pattern.WINDOW)
-_BASE = _surface("base", Pattern.STONE)
-_DOOR = _surface("door", Pattern.WOOD)
-_GARAGE = _surface("garage", Pattern.CLAPBOARD)
-_STEP = _surface("base", Pattern.CONCRETE)
-_ROOF = _surface("roof", Pattern.METAL)
+_WALLS = tuple(surface("wall", p) for p in (Pattern.BRICK, Pattern.PLASTER, Pattern.CLAPBOARD))
+_NICHE = surface("wall", Pattern.NICHE)
+_TRIM = surface("trim", Pattern.PLAIN)
+_WINDOW = surface("window", Pattern.WINDOW)
+_BASE = surface("base", Pattern.STONE)
+_DOOR = surface("door", Pattern.WOOD)
+_GARAGE = surface("garage", Pattern.CLAPBOARD)
+_STEP = surface("base", Pattern.CONCRETE)
+_ROOF = surface("roof", Pattern.METAL)
 _REVEAL, _PLINTH = 0.14, 0.4
 _RIDGE_ALONG, _HIP = 0, 2
 

@@ -10,21 +10,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, level, noise
-from recipe_runtime.meshes.facades import Facade, Quad, pane_uv
+from recipe_runtime.meshes.facades import Facade, Quad, pane_uv, surface
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.vectors import cross, unit
 
-_TILES = Surface("roof", Pattern.ROOF, Tag.BUILDINGS)
-_EDGE = Surface("trim", Pattern.PLAIN, Tag.BUILDINGS)
-_SOFFIT = Surface("trim", Pattern.NICHE, Tag.BUILDINGS)
-_STACK = Surface("base", Pattern.BRICK, Tag.BUILDINGS)
-_FLAT = Surface("roof", Pattern.CONCRETE, Tag.BUILDINGS)
-_PLANT = Surface("metal", Pattern.CLAPBOARD, Tag.BUILDINGS)
-_HEAD = Surface("base", Pattern.PLASTER, Tag.BUILDINGS)
-_PANE = Surface("window", Pattern.WINDOW, Tag.BUILDINGS)
+_TILES = surface("roof", Pattern.ROOF)
+_EDGE = surface("trim", Pattern.PLAIN)
+_SOFFIT = surface("trim", Pattern.NICHE)
+_STACK = surface("base", Pattern.BRICK)
+_FLAT = surface("roof", Pattern.CONCRETE)
+_PLANT = surface("metal", Pattern.CLAPBOARD)
+_HEAD = surface("base", Pattern.PLASTER)
+_PANE = surface("window", Pattern.WINDOW)
 _THICK = 0.14
 _PARAPET = 0.85
 

@@ -6,31 +6,25 @@ from dataclasses import dataclass
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
-from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
-from recipe_runtime.meshes.facades import Facade, Hole, Quad, niches, pane_uv, pierced
+from recipe_runtime.meshes.facades import Facade, Hole, Quad, niches, pane_uv, pierced, surface
 from recipe_runtime.meshes.lettering import WORDS, length, write
 from recipe_runtime.meshes.mesh import Pattern, Surface
 
-
-def _surface(slot: str, pattern: Pattern) -> Surface:
-    return Surface(slot, pattern, Tag.BUILDINGS)
-
-
-_TRIM = _surface("trim", Pattern.PLASTER)
-_FRAME = _surface("frame", Pattern.PLAIN)
-_WINDOW = _surface("window", Pattern.WINDOW)
-_BASE = _surface("base", Pattern.STONE)
-_FRONT = _surface("base", Pattern.PLASTER)
-_NICHE = _surface("base", Pattern.NICHE)
-_SHOP = _surface("shop", Pattern.SHOP_WINDOW)
-_SIGN = _surface("sign", Pattern.PLAIN)
-_LETTERS = _surface("sign", Pattern.LETTER)
-_AWNING = _surface("awning", Pattern.CLOTH)
-_UNDER = _surface("awning", Pattern.NICHE)
-_DOOR = _surface("door", Pattern.PLAIN)
-_STEP = _surface("base", Pattern.CONCRETE)
+_TRIM = surface("trim", Pattern.PLASTER)
+_FRAME = surface("frame", Pattern.PLAIN)
+_WINDOW = surface("window", Pattern.WINDOW)
+_BASE = surface("base", Pattern.STONE)
+_FRONT = surface("base", Pattern.PLASTER)
+_NICHE = surface("base", Pattern.NICHE)
+_SHOP = surface("shop", Pattern.SHOP_WINDOW)
+_SIGN = surface("sign", Pattern.PLAIN)
+_LETTERS = surface("sign", Pattern.LETTER)
+_AWNING = surface("awning", Pattern.CLOTH)
+_UNDER = surface("awning", Pattern.NICHE)
+_DOOR = surface("door", Pattern.PLAIN)
+_STEP = surface("base", Pattern.CONCRETE)
 _DEEP = 0.3  # depth of the recesses of shop windows and doors, metres
 
 

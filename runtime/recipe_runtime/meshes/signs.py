@@ -11,7 +11,7 @@ from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
 from recipe_compiler.ir.signals import LAMPS
 
-from recipe_runtime.meshes.builder import Builder, circle, tube
+from recipe_runtime.meshes.builder import Builder, circle, tube, upright
 from recipe_runtime.meshes.glyphs import Point, arrow, stroke, width, write
 from recipe_runtime.meshes.mesh import Mesh, Pattern, Surface
 
@@ -202,10 +202,9 @@ def _board(b: Builder, y: float, z: float, wide: float, place: str, x: float, ou
     half, low, high = wide / 2, z - 1.2, z + 1.2
     b.box(_BACK, (x - 0.05, y - half, low), (x, y + half, high), "+x")
     slot = "green" if out else "blue"
-    b.quads(_face("white"), [[(x, y - half, low), (x, y + half, low), (x, y + half, high), (x, y - half, high)]])
+    b.quads(_face("white"), [upright(x, y - half, y + half, low, high)])
     m = 0.07
-    inner = [(y - half + m, low + m), (y + half - m, low + m), (y + half - m, high - m), (y - half + m, high - m)]
-    b.quads(_face(slot), [[(x + 0.012, u, v) for u, v in inner]])
+    b.quads(_face(slot), [upright(x + 0.012, y - half + m, y + half - m, low + m, high - m)])
     letter = min(0.5, 0.5 * (wide - 0.5) / width(place, 0.5))
     front = x + 0.024
     write(b, _face("white"), place, (y, z + 0.55), letter, front)

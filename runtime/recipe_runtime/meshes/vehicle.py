@@ -8,7 +8,7 @@ from dataclasses import replace
 from recipe_compiler.ir.semantic_tags import BODIES
 
 from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
-from recipe_runtime.meshes.builder import Builder, level
+from recipe_runtime.meshes.builder import Builder, level, upright
 from recipe_runtime.meshes.coachwork import Finish, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.styles import STYLES
@@ -90,7 +90,7 @@ def _beams(b: Builder, shell: Shell) -> None:
 
 def _panel(b: Builder, surface: Surface, x: float, sign: float, y0: float, y1: float, z0: float, z1: float) -> None:
     """Add an upright rectangle that faces forward, or backward if `sign` is -1."""
-    quad = [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)]
+    quad = upright(x, y0, y1, z0, z1)
     b.quads(surface, [quad if sign > 0 else quad[::-1]])
 
 
