@@ -182,11 +182,10 @@ def _run(
         raise InputError(f"device {job.devices[0]}: on a cluster, every worker has a GPU of its own; say cuda")
     if not shards:
         return {}
-    capacity = _capacity(ray, job)
-    pool = _RemotePool(ray, job, min(workers or capacity, len(shards)))
+    pool = _RemotePool(ray, job, workers, shards)
     seconds = Seconds()
     try:
-        for shard, result in pool.results(shards):
+        for shard, result in pool.results():
             _write_files(job.root, result)
             for stage, value in result.seconds.items():
                 seconds[stage] = seconds.get(stage, 0.0) + value
@@ -200,27 +199,29 @@ def _run(
 class _RemotePool:
     """The workers of one build, each with its own processor or GPU, and the shards assigned to each."""
 
-    def __init__(self, ray: ModuleType, job: Job, count: int) -> None:
-        self._ray, self._job, self._count = ray, job, count
+    def __init__(self, ray: ModuleType, job: Job, workers: int, shards: Sequence[Shard]) -> None:
+        self._ray, self._job = ray, job
         self._kind = "CPU" if job.devices == ("cpu",) else "GPU"
-        on_gpu = self._kind == "GPU"
+        on_gpu, capacity = self._kind == "GPU", int(ray.cluster_resources().get(self._kind, 0))
+        if capacity < 1:
+            raise InputError(f"the Ray cluster has no {self._kind} for a worker")
+        self._count = min(workers or capacity, len(shards))
         self._job_ref = ray.put(replace(job, devices=("cuda:0",)) if on_gpu else job)  # a worker sees only its own GPU
         self._inputs_ref = ray.put(JobInputs.of(job))
         needs = {"num_gpus": 1, "num_cpus": 0} if on_gpu else {"num_cpus": 1}
         self._remote = ray.remote(**needs)(RemoteWorker).options(runtime_env={"env_vars": PINNED})
         self._workers: list[Remote] = []
         self._pending: dict[Remote, tuple[Remote, Shard]] = {}
-        self._rest: deque[Shard] = deque()
+        self._rest = deque(shards)
         self._losses: dict[Shard, int] = {}
         self._waited = 0  # seconds without a node
 
-    def results(self, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult]]:
+    def results(self) -> Iterator[tuple[Shard, ShardResult]]:
         """Yield every shard with its result, in the order in which they finish.
 
         Raises:
             RunError: a shard failed, or the cluster has had no node for `MAX_WAIT_FOR_NODES` seconds.
         """
-        self._rest.extend(shards)
         while self._rest or self._pending:
             self._assign()
             ready, _ = self._ray.wait(list(self._pending), num_returns=1, timeout=1.0)
@@ -244,17 +245,15 @@ class _RemotePool:
 
     def _assign(self) -> None:
         """Start workers while the cluster has room, and queue shards for each."""
-        free = int(self._ray.available_resources().get(self._kind, 0)) if self._needs_workers() else 0
-        for _ in range(min(self._count - len(self._workers), max(free, not self._workers))):
+        wanted = self._count - len(self._workers) if self._rest else 0
+        free = int(self._ray.available_resources().get(self._kind, 0)) if wanted else 0
+        for _ in range(min(wanted, max(free, not self._workers))):
             number = len(self._workers)
             self._workers.append(self._remote.remote(self._job_ref, number, self._inputs_ref, renderer_identity()))
         for worker in self._workers:
             while self._rest and sum(other is worker for other, _ in self._pending.values()) < QUEUED:
                 shard = self._rest.popleft()
                 self._pending[worker.do.remote(shard)] = worker, shard
-
-    def _needs_workers(self) -> bool:
-        return bool(self._rest) and len(self._workers) < self._count
 
     def _result(self, reference: Remote, worker: Remote, shard: Shard) -> ShardResult | None:
         """Return a shard's result; None if its worker was lost and the shard was queued again."""
@@ -276,15 +275,6 @@ class _RemotePool:
                 raise RunError(f"{_place(self._job, shard)}: {again} (Ray says: {_line(error)})") from error
             self._rest.appendleft(shard)
             return None
-
-
-def _capacity(ray: ModuleType, job: Job) -> int:
-    """Return the number of workers for which the cluster has room."""
-    kind = "CPU" if job.devices == ("cpu",) else "GPU"
-    capacity = int(ray.cluster_resources().get(kind, 0))
-    if capacity < 1:
-        raise InputError(f"the Ray cluster has no {kind} for a worker")
-    return capacity
 
 
 def _write_files(root: Path | None, result: ShardResult) -> None:
