@@ -8,23 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-import recipe_runtime
 from numpy.typing import NDArray
 from PIL import Image
-from recipe_compiler.compile import compile_recipe
-from recipe_compiler.ir.patches import PatchFace, PatchPlan, PatchTexture
-from recipe_compiler.ir.plan import AppearancePlan
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset import reader
 from recipe_runtime.frames.shot import shot
-from recipe_runtime.insertion.inserter import Inserter
 from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
 from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.compiler.modelling import png
-from tests.runtime.fakes import appearance_plan, scene_plan, sensor_plan, simulate
 from tests.runtime.insertion.images import bilinear, dilated, smooth
 
 MODES = ("rendered", "green", "digital", "color_transfer")
@@ -165,43 +159,3 @@ def test_reaps_colour_transform_reduces_the_difference_from_the_rendered_patch(s
     picture = {mode: np.asarray(scenes[mode].render(0, "street")).astype(int)[mask] for mode in MODES}
     error = {mode: np.abs(picture[mode] - picture["rendered"]).mean() for mode in MODES}
     assert error["color_transfer"] < 0.9 * error["digital"]
-
-
-class Counting:
-    """A renderer of one frame that counts its calls."""
-
-    def __init__(self) -> None:
-        self.calls: list[str] = []
-        self.still = np.zeros((48, 64, 3), np.uint8)
-
-    def picture(self, appearance: AppearancePlan) -> NDArray[np.uint8]:
-        self.calls.append("picture")
-        return self.still
-
-    def patch_map(self, appearance: AppearancePlan) -> NDArray[np.uint8]:
-        self.calls.append("patch_map")
-        return np.zeros((48, 64), np.uint8)
-
-
-FACE = PatchFace(part="static", corner=(5, 1, 2), right=(0, -1, 0), down=(0, 0, -1), width=2, height=1, reach=0.02)
-
-
-@pytest.mark.parametrize(("mode", "calls"), [("rendered", 1), ("green", 1), ("digital", 2)])
-def test_without_insertion_no_extra_pass_runs(mode: str, calls: int) -> None:
-    """Without insertion there is no copy and no patch map; a patch outside the picture renders no chart."""
-    patch = PatchPlan(name="p", body="wall", faces=(FACE,), mode=mode, texture=PatchTexture(colour="#102030"))
-    appearance = appearance_plan().model_copy(update={"patches": (patch,)})
-    renderer = Counting()
-    inserter = Inserter(simulate(scene_plan()), lambda _: np.zeros((1, 1, 3), np.uint8))
-    picture = inserter.picture(renderer, appearance, sensor_plan(), 0)
-    assert len(renderer.calls) == calls
-    assert (picture is renderer.still) == (calls == 1)
-
-
-@pytest.mark.slow
-def test_methods_are_part_of_the_appearance_only_in_their_mode(recipe: Path) -> None:
-    plans = {v.variant: v.appearance for v in compile_recipe(recipe).plan.variants}
-    assert [p.transfer for p in plans["mode=color_transfer"].patches] == ["dapricot", "reap"]
-    assert all(p.transfer is None for name in ("rendered", "digital") for p in plans[f"mode={name}"].patches)
-    with recipe_runtime.open(recipe, variant="mode=green") as scene:
-        assert (np.asarray(scene.render(0, "street"))[shown(scene, 0, "street") == 1].argmax(axis=1) == 1).all()

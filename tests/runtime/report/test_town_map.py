@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
@@ -75,21 +74,6 @@ def test_arrows_show_the_direction_of_traffic(name: str, drawn: dict[str, list[A
         u, v = canvas.pixel((spot.x, spot.y))
         red, _, blue = picture.getpixel((int(u), int(v)))
         assert blue > red + 60, "a spawn point has its mark"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", towns.NAMES)
-def test_spawn_points_of_pedestrians_are_on_drawn_pavement(name: str, drawn: dict[str, list[Any]]) -> None:
-    town = towns.build(name, 0, {})
-    town_map.town_map(town.plan, Spots((), (), (), town.streets.bounds), name)
-    canvas, picture = drawn["finished"][0]
-    pixels, paved = np.asarray(picture).astype(int), 0
-    walks = [tuple(int(c[k : k + 2], 16) for k in (1, 3, 5)) for c in (town_map._WALK, town_map._PATH)]
-    points = [p for p in town.spots["pedestrian"] if canvas.box[1] < p.y < canvas.box[3]]
-    for point in points:
-        u, v = canvas.pixel((point.x + 0.4, point.y + 0.4))  # (not on the lines of the grid)
-        paved += any(np.abs(pixels[int(v), int(u)] - walk).max() < 12 for walk in walks)
-    assert paved > 0.8 * len(points)  # the other points are under a tree
 
 
 def first(folder: Path, more: str = "") -> tuple[ScenarioPlan, towns.Town]:
