@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset.reader import Dataset, read
+from recipe_runtime.frames.engines import Engines
 from recipe_runtime.loading import opened
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -37,15 +39,14 @@ deltas:
 """
 
 
-def quiet(*_: object) -> None:
-    """Report no progress."""
+def made(plan: DatasetPlan, out: Path, engines: Engines = ENGINES) -> Dataset:
+    """Build a dataset in this process, with a cache beside it."""
+    return read(build(plan, out, BuildOptions(workers=0, cache=out.parent / "cache", engines=engines)).path)
 
 
 @pytest.fixture(scope="session")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    folder = tmp_path_factory.mktemp("tiny")
-    options = BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)
-    return read(build(dataset_plan(), folder / "tiny", options).path)
+    return made(dataset_plan(), tmp_path_factory.mktemp("tiny") / "tiny")
 
 
 @pytest.fixture(scope="session")
@@ -64,5 +65,4 @@ def recipe(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def attacked(recipe: Path) -> Dataset:
     plan, engines = opened(recipe)
-    options = BuildOptions(engines=engines, cache=recipe.parent / "cache", workers=0)
-    return read(build(plan, recipe.parent / "out", options).path)
+    return made(plan, recipe.parent / "out", engines)

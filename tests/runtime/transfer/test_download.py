@@ -23,19 +23,15 @@ from recipe_runtime.transfer.upload import Target
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify, verify_files
 
-from tests.runtime.fakes import ENGINES, tree
+from tests.runtime.fakes import ENGINES, quiet, tree
 
 URL = "memory://fetched/small"
-
-
-def _silent(stage: str, done: int, total: int) -> None:
-    """Report no progress."""
 
 
 @pytest.fixture
 def store(built: Path) -> Iterator[dict[str, Any]]:
     """Return the files of the in-memory store that the dataset was copied to, by path."""
-    Target(URL, built).put(_silent)
+    Target(URL, built).put(quiet)
     memory = fsspec.filesystem("memory")
     yield memory.store
     memory.store.clear()
@@ -43,8 +39,8 @@ def store(built: Path) -> Iterator[dict[str, Any]]:
 
 
 def integrity(url: str) -> Report:
-    with fetched(url, _silent) as folder:
-        return verify_files(read(folder, url), Options(nonce=1), _silent)
+    with fetched(url, quiet) as folder:
+        return verify_files(read(folder, url), Options(nonce=1), quiet)
 
 
 def corrupt(path: str, body: bytes) -> None:
@@ -52,18 +48,17 @@ def corrupt(path: str, body: bytes) -> None:
 
 
 def test_downloaded_files_equal_the_uploaded_ones(store: dict[str, Any], built: Path) -> None:
-    with fetched(URL, _silent) as folder:
+    with fetched(URL, quiet) as folder:
         assert tree(folder) == tree(built)
         made = read(folder, URL)
         assert (
-            verify(made.plan, made.lock, Options(1, workers=0), _silent, dataset=made, engines=ENGINES).verdict
-            == "PASS"
+            verify(made.plan, made.lock, Options(1, workers=0), quiet, dataset=made, engines=ENGINES).verdict == "PASS"
         )
     assert not folder.exists()
 
 
 def test_a_file_url_is_read_in_place(built: Path) -> None:
-    with fetched(f"file://{built}", _silent) as folder:
+    with fetched(f"file://{built}", quiet) as folder:
         assert folder == built
     assert built.is_dir()
     assert integrity(f"file://{built}").verdict == integrity(f"FILE://{built}").verdict == "PASS"
@@ -210,7 +205,7 @@ def test_an_endless_file_is_read_up_to_the_size_in_the_manifest(
     folders = {str(p.relative_to(built)) for p in built.rglob("*") if p.is_dir()}
     rows += [{"name": f"x/y/{path}", "size": 0, "type": "directory"} for path in folders]
     monkeypatch.setattr(hostile, "rows", tuple(rows))
-    with fetched("hostile://x/y", _silent) as folder:
+    with fetched("hostile://x/y", quiet) as folder:
         assert Endless.read_so_far <= sum(sizes.values()) + len(sizes)
         with pytest.raises(InputError, match="hostile://x/y: its manifest or a plan is damaged"):
             read(folder, "hostile://x/y")
@@ -253,7 +248,7 @@ def test_files_with_another_size_than_in_the_manifest_are_not_downloaded(
 ) -> None:
     monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
     monkeypatch.setattr(hostile, "rows", ({"name": "x/y/README.md", "size": 1 << 40, "type": "file"},))
-    with fetched("hostile://x/y", _silent) as folder:
+    with fetched("hostile://x/y", quiet) as folder:
         found = (folder / "README.md").stat()
         assert (found.st_size, found.st_blocks, Endless.read_so_far) == (1 << 40, 0, 0)
 

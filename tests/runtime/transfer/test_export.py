@@ -14,8 +14,7 @@ from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import Dataset, read
 from recipe_runtime.transfer.export import INDEX, export
 
-from tests.runtime.fakes import tree
-from tests.runtime.transfer.conftest import quiet
+from tests.runtime.fakes import quiet, tree
 
 SMALL = {"shard-size": "40000"}  # a few samples in a shard
 

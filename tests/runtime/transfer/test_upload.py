@@ -16,13 +16,13 @@ from typing import Any
 import fsspec
 import pytest
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.transfer.upload import MARKER, Copied, Target
 from recipe_runtime.verify.verify import Options, verify_files
 
-from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.runtime.fakes import dataset_plan, quiet, tree
+from tests.runtime.transfer.conftest import made
 from tests.sources import ROOT
 
 TINY = ROOT / "tests" / "golden" / "tiny.yaml"
@@ -35,11 +35,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 
 
 def put(url: str, root: Path) -> Copied:
-    return Target(url, root).put(lambda *_: None)
-
-
-def local(root: Path) -> dict[str, bytes]:
-    return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}
+    return Target(url, root).put(quiet)
 
 
 def remote_files(url: str) -> dict[str, bytes]:
@@ -50,11 +46,11 @@ def remote_files(url: str) -> dict[str, bytes]:
 @pytest.mark.slow
 def test_all_files_are_uploaded_once(url: str, built: Path) -> None:
     first = put(url, built)
-    assert remote_files(url) == local(built)
-    contents = {body for path, body in local(built).items() if path != "manifest.json"}
-    assert first == Copied(len(contents), len(local(built)) - 1 - len(contents), 0)
+    assert remote_files(url) == tree(built)
+    contents = {body for path, body in tree(built).items() if path != "manifest.json"}
+    assert first == Copied(len(contents), len(tree(built)) - 1 - len(contents), 0)
     assert first.copied > 0  # labels shared by variants
-    assert put(url, built) == Copied(0, 0, len(local(built)) - 1)
+    assert put(url, built) == Copied(0, 0, len(tree(built)) - 1)
 
 
 @pytest.mark.slow
@@ -63,13 +59,11 @@ def test_only_new_files_are_sent_and_obsolete_ones_removed(url: str, built: Path
     before = remote_files(url)
     plan = dataset_plan()
     less = plan.model_copy(update={"variants": plan.variants[:1]})
-    other = build(
-        less, tmp_path / "less" / "small", BuildOptions(engines=ENGINES, workers=0, cache=tmp_path / "cache")
-    ).path
+    other = made(less, tmp_path / "less" / "small").root
     sent = put(url, other)
-    assert remote_files(url) == local(other)
-    unchanged = {path for path, body in local(other).items() if before.get(path) == body}
-    assert sent.kept == len(unchanged) and sent.sent < len(local(other)) / 2
+    assert remote_files(url) == tree(other)
+    unchanged = {path for path, body in tree(other).items() if before.get(path) == body}
+    assert sent.kept == len(unchanged) and sent.sent < len(tree(other)) / 2
     if url.startswith("file"):  # `verify` reports folders without a file
         assert all(any(folder.iterdir()) for folder in Path(url[7:]).rglob("*") if folder.is_dir())
         assert [path.name for path in Path(url[7:]).parent.iterdir()] == ["small"]
@@ -80,11 +74,11 @@ def test_a_dataset_is_not_copied_to_its_own_folder(built: Path, tmp_path: Path, 
     """Files at the place are removed before they are sent: there, that would remove the dataset."""
     root = Path(shutil.copytree(built, tmp_path / "all" / "small"))
     (tmp_path / "link").symlink_to(root)
-    before = local(tmp_path)
+    before = tree(tmp_path)
     url = f"file://{place.format(root=root, above=root.parent, link=tmp_path / 'link')}"
     with pytest.raises(InputError, match="is not apart from"):
         Target(url, root)
-    assert local(tmp_path) == before
+    assert tree(tmp_path) == before
 
 
 def changed(built: Path, root: Path) -> Path:
@@ -110,12 +104,10 @@ def test_an_upload_may_be_killed_at_every_change_of_a_store(
 ) -> None:
     """There is no manifest but of a complete dataset, and the next upload, of either dataset, is complete."""
     url, memory = "memory://bucket/small", type(fsspec.filesystem("memory"))
-    whole = build(
-        dataset_plan(2, 1), tmp_path / "whole", BuildOptions(engines=ENGINES, workers=0, cache=tmp_path / "cache")
-    ).path
+    whole = made(dataset_plan(2, 1), tmp_path / "whole").root
     roots = [whole, changed(whole, tmp_path / "changed")]
     roots.sort(key=lambda root: root.name != first)
-    contents = [local(root) for root in roots]
+    contents = [tree(root) for root in roots]
     left = 0
 
     def counted(change: Any) -> Any:
@@ -153,9 +145,9 @@ def test_an_upload_during_the_build_is_noticed(url: str, built: Path, tmp_path: 
     put(url, built)
     other = changed(built, tmp_path / "other")
     slow = Target(url, built)  # as a build begins that takes hours
-    assert put(url, other).sent == 2 and remote_files(url) == local(other)
-    assert slow.put(lambda *_: None).sent == 2
-    assert remote_files(url) == local(built)
+    assert put(url, other).sent == 2 and remote_files(url) == tree(other)
+    assert slow.put(quiet).sent == 2
+    assert remote_files(url) == tree(built)
 
 
 @pytest.mark.parametrize("calls", [0, 7])
@@ -177,16 +169,16 @@ def test_a_stopped_upload_is_resumed(url: str, built: Path, calls: int, monkeypa
     assert "manifest.json" not in remote_files(url)
     monkeypatch.setattr(type(fs), "put_file", send)
     assert put(url, built).kept >= calls
-    assert remote_files(url) == local(built)
+    assert remote_files(url) == tree(built)
 
 
 def test_an_upload_to_a_local_dataset_does_not_write_through_hard_links(built: Path, tmp_path: Path) -> None:
     target = tmp_path / "remote" / "small"
     plan = dataset_plan()
     less = plan.model_copy(update={"variants": plan.variants[:2]})
-    build(less, target, BuildOptions(engines=ENGINES, workers=0, cache=tmp_path / "cache"))
+    made(less, target)
     put(f"file://{target}", built)
-    assert local(target) == local(built)
+    assert tree(target) == tree(built)
 
 
 def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: Path) -> None:
@@ -196,10 +188,10 @@ def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: P
     folder = next(path for path in place.iterdir() if path.is_dir())
     folder.rename(other)
     folder.symlink_to(other)
-    before = local(other)
+    before = tree(other)
     put(f"file://{place}", changed(built, tmp_path / "small"))
-    assert local(other) == before and before
-    assert not folder.is_symlink() and local(place) == local(tmp_path / "small")
+    assert tree(other) == before and before
+    assert not folder.is_symlink() and tree(place) == tree(tmp_path / "small")
 
 
 @pytest.mark.parametrize("url", ["s3://", "file:///"])
@@ -222,7 +214,7 @@ def test_foreign_files_at_the_url_are_unchanged(url: str, built: Path) -> None:
     notices = list[str]()
     if url.startswith("file"):  # the folder is kept beside the new one
         Target(url, built).put(lambda *_: None, notice=notices.append)
-        assert remote_files(url) == local(built) and "small.replaced" in notices[0]
+        assert remote_files(url) == tree(built) and "small.replaced" in notices[0]
         assert remote_files(f"{url}.replaced")["thesis.tex"] == b"precious"
         return
     with pytest.raises(InputError, match=r"holds a file that is not the dataset's, 'thesis\.tex'"):
@@ -290,8 +282,8 @@ def test_a_build_into_a_bucket(s3: str, tmp_path: Path) -> None:
             path = back / entry["Key"].removeprefix("tiny/")
             path.parent.mkdir(parents=True, exist_ok=True)
             client.download_file("datasets", entry["Key"], str(path))
-    assert local(back) == local(tmp_path / "datasets" / "tiny")
-    assert verify_files(read(back), Options(nonce=1), lambda *_: None).verdict == "PASS"
+    assert tree(back) == tree(tmp_path / "datasets" / "tiny")
+    assert verify_files(read(back), Options(nonce=1), quiet).verdict == "PASS"
     again = json.loads(recipe(tmp_path, "build", "tiny.yaml", "--out", s3, "--json").stdout)
     assert (again["built"], again["sent"], again["copied"]) == (False, 0, 0)
 
@@ -350,6 +342,6 @@ def test_a_store_that_cannot_copy_gets_equal_files_again(built: Path, monkeypatc
     monkeypatch.setattr(memory, "cp_file", not_implemented)
     try:
         put(url, built)
-        assert remote_files(url) == local(built)
+        assert remote_files(url) == tree(built)
     finally:
         memory.store.clear()

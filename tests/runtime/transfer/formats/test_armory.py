@@ -16,18 +16,17 @@ from PIL import Image
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import PatchFace, PatchPlan, PatchTexture
 from recipe_runtime.attacks.patch_metadata import is_on_ground
-from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
-from recipe_runtime.dataset import reader
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.loading import opened
 from recipe_runtime.transfer.export import export
 from recipe_runtime.transfer.formats import armory, sequence
 from recipe_runtime.transfer.formats.format import Row
 
-from tests.runtime.fakes import tree
+from tests.runtime.fakes import quiet, tree
 from tests.runtime.test_python_page import examples
-from tests.runtime.transfer.conftest import RECIPE, quiet
+from tests.runtime.transfer import conftest
+from tests.runtime.transfer.conftest import RECIPE
 
 FRAMES, WIDTH, HEIGHT = 3, 96, 72
 
@@ -163,8 +162,7 @@ def test_pictures_of_a_slow_sensor_are_numbered_as_its_labels(tmp_path: Path) ->
     (tmp_path / "recipe.yaml").write_text(RECIPE.replace("[rgb, depth]", "[rgb, depth]\n      tick: 0.2"))
     plan, engines = opened(tmp_path / "recipe.yaml")
     plan = plan.model_copy(update={"variants": plan.variants[:1]})
-    made = build(plan, tmp_path / "made", BuildOptions(engines=engines, cache=tmp_path / "cache", workers=0)).path
-    export(reader.read(made), tmp_path / "out", "armory", quiet)
+    export(conftest.made(plan, tmp_path / "made", engines), tmp_path / "out", "armory", quiet)
     (video,) = (tmp_path / "out/carla_mot/dev").iterdir()
     assert sorted(p.name for p in (video / "rgb").iterdir()) == ["000001.png", "000002.png"]
     assert set(np.loadtxt(video / "instances.txt", dtype=np.float32)[:, 0]) == {1, 2}

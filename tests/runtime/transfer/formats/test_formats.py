@@ -18,8 +18,7 @@ from recipe_runtime.dataset.reader import Dataset, read
 from recipe_runtime.transfer import formats
 from recipe_runtime.transfer.export import INDEX, export
 
-from tests.runtime.fakes import tree
-from tests.runtime.transfer.conftest import quiet
+from tests.runtime.fakes import quiet, tree
 from tests.sources import ROOT
 
 every_format = pytest.mark.parametrize("name", formats.FORMATS)

@@ -16,15 +16,14 @@ from PIL import Image
 from recipe_cli.commands.export import command
 from recipe_compiler.ir.plan import Pose, RigPlan
 from recipe_runtime.annotate.calibration import calibration
-from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core.transforms import compose, from_pose, invert
-from recipe_runtime.dataset.reader import Dataset, read
+from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer.export import export
 from recipe_runtime.transfer.formats import kitti
 
 from tests.runtime.build.test_slow_sensors import slowed
-from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan
-from tests.runtime.transfer.conftest import quiet
+from tests.runtime.fakes import dataset_plan, quiet, sensor_plan
+from tests.runtime.transfer.conftest import made
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # pycocotools' decode
 
@@ -48,10 +47,10 @@ def test_kitti_masks_are_the_instance_pictures(tiny: Dataset, tmp_path: Path) ->
 def test_a_line_of_kittis_poses_is_a_frame(tmp_path: Path) -> None:
     """Regression: of a sensor with a tick, line k was the pose of its k-th picture, not of frame k."""
     plan = slowed(dataset_plan(weathers=1))
-    path = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
-    export(read(path), tmp_path / "out", "kitti", quiet)
+    dataset = made(plan, tmp_path / "tiny")
+    export(dataset, tmp_path / "out", "kitti", quiet)
     poses = np.loadtxt(tmp_path / "out/training/poses/0000.txt").reshape(-1, 3, 4)
-    lines = (path / "weather=w0,jitter=still" / "street" / "labels.jsonl").read_text().splitlines()
+    lines = (dataset.root / "weather=w0,jitter=still" / "street" / "labels.jsonl").read_text().splitlines()
     assert len(poses) == 11  # as many as in the list of sequences
     for label in map(json.loads, lines):
         np.testing.assert_array_equal(poses[label["frame"]], label["calibration"]["camera_to_world"][:3])
@@ -70,9 +69,9 @@ def test_lens_distortion_is_reported_for_kitti(tmp_path: Path) -> None:
     first = plan.variants[0].model_copy(update={"rig": RigPlan(sensors=(bent, straight))})
     second = plan.variants[1].model_copy(update={"rig": RigPlan(sensors=(bent, also))})
     plan = plan.model_copy(update={"variants": (first, second)})
-    made = build(plan, tmp_path / "tiny", BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)).path
+    dataset = made(plan, tmp_path / "tiny")
     for form, warned in (("kitti", True), ("mots", False)):
-        call = [str(made), str(tmp_path / form), "--format", form]
+        call = [str(dataset.root), str(tmp_path / form), "--format", form]
         done = CliRunner().invoke(command, call, catch_exceptions=False)
         assert (done.exit_code, "pictures of street, side have lens distortion" in done.stderr) == (0, warned)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer.export import export
 
-from tests.runtime.transfer.conftest import quiet
+from tests.runtime.fakes import quiet
 
 
 def test_the_mots_export_equals_the_datasets_mots_annotations(tiny: Dataset, tmp_path: Path) -> None:

@@ -10,12 +10,10 @@ from typing import Any
 import pytest
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.library.blueprints import match
-from recipe_runtime.build.pipeline import BuildOptions, build
-from recipe_runtime.dataset import reader
 from recipe_runtime.transfer.export import export
 
-from tests.runtime.fakes import ENGINES, dataset_plan
-from tests.runtime.transfer.conftest import quiet
+from tests.runtime.fakes import dataset_plan, quiet
+from tests.runtime.transfer.conftest import made
 
 pytestmark = [pytest.mark.trackeval, pytest.mark.filterwarnings("ignore")]
 
@@ -24,22 +22,20 @@ SEQUENCES = 8
 
 def plan() -> DatasetPlan:
     """Return the plan of the fakes with a car in place of the truck, a class that both benchmarks ignore."""
-    made = dataset_plan()
-    scene = made.variants[0].scene
+    tiny = dataset_plan()
+    scene = tiny.variants[0].scene
     sedan = match("vehicle.sedan.a")[0]
     car = {"tag": 14, "blueprint": sedan.id, "shape": sedan.shape}
     actors = tuple(a.model_copy(update=car) if a.tag == 15 else a for a in scene.actors)
     scene = scene.model_copy(update={"actors": actors})
-    variants = tuple(v.model_copy(update={"scene": scene}) for v in made.variants)
-    return made.model_copy(update={"variants": variants})
+    variants = tuple(v.model_copy(update={"scene": scene}) for v in tiny.variants)
+    return tiny.model_copy(update={"variants": variants})
 
 
 @pytest.fixture(scope="module")
 def exports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("trackeval")
-    dataset = reader.read(
-        build(plan(), folder / "tiny", BuildOptions(workers=0, cache=folder / "cache", engines=ENGINES)).path
-    )
+    dataset = made(plan(), folder / "tiny")
     for name in ("mots", "kitti"):
         export(dataset, folder / name, name, quiet)
     return folder

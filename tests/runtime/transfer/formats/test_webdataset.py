@@ -10,7 +10,7 @@ from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer.export import export
 
-from tests.runtime.transfer.conftest import quiet
+from tests.runtime.fakes import quiet
 
 SMALL = 40_000  # bytes: a few samples per shard
 

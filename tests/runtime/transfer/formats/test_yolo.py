@@ -14,12 +14,11 @@ from PIL import Image
 from pycocotools.coco import COCO
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import RigPlan
-from recipe_runtime.build.pipeline import BuildOptions, build
-from recipe_runtime.dataset.reader import Dataset, read
+from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer.export import export
 
-from tests.runtime.fakes import ENGINES, dataset_plan
-from tests.runtime.transfer.conftest import quiet
+from tests.runtime.fakes import dataset_plan, quiet
+from tests.runtime.transfer.conftest import made
 
 Boxes = NDArray[np.float64]  # rows: class, then x, y, width, height in pixels
 
@@ -65,9 +64,8 @@ def test_frames_without_objects_have_an_empty_file(tmp_path: Path) -> None:
     plan = dataset_plan(frames=2, weathers=1)
     scene = plan.variants[0].scene.model_copy(update={"actors": ()})
     variants = tuple(variant.model_copy(update={"scene": scene}) for variant in plan.variants)
-    options = BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
-    made = build(plan.model_copy(update={"variants": variants}), tmp_path / "empty", options).path
-    export(read(made), tmp_path / "out", "yolo", quiet)
+    dataset = made(plan.model_copy(update={"variants": variants}), tmp_path / "empty")
+    export(dataset, tmp_path / "out", "yolo", quiet)
     _, found = read_split(tmp_path / "out" / "data.yaml", "val")
     assert len(found) == 8 and not any(map(len, found.values()))
 
@@ -77,9 +75,8 @@ def test_names_are_plain_and_unique(tmp_path: Path) -> None:
     plan = dataset_plan(frames=1, weathers=1)
     names = "weather=a,b", "weather=a+b%"
     variants = tuple(v.model_copy(update={"variant": name}) for v, name in zip(plan.variants, names, strict=True))
-    options = BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
-    made = build(plan.model_copy(update={"variants": variants}), tmp_path / "marks", options).path
-    export(read(made), tmp_path / "out", "yolo", quiet)
+    dataset = made(plan.model_copy(update={"variants": variants}), tmp_path / "marks")
+    export(dataset, tmp_path / "out", "yolo", quiet)
     _, found = read_split(tmp_path / "out" / "data.yaml", "train")
     assert [name for name in found if re.fullmatch(r"\d{4}_weather-a.b.*-(street|side)_000000\.png", name)] == [*found]
     rows = (tmp_path / "out" / "sequences.csv").read_text().splitlines()
@@ -90,7 +87,6 @@ def test_a_dataset_without_colour_is_refused(tmp_path: Path) -> None:
     plan = dataset_plan(frames=1, weathers=1)
     sensor = plan.variants[0].rig.sensors[0].model_copy(update={"capture": ("depth",)})
     variant = plan.variants[0].model_copy(update={"rig": RigPlan(sensors=(sensor,))})
-    options = BuildOptions(workers=0, cache=tmp_path / "cache", engines=ENGINES)
-    made = build(plan.model_copy(update={"variants": (variant,)}), tmp_path / "grey", options).path
+    dataset = made(plan.model_copy(update={"variants": (variant,)}), tmp_path / "grey")
     with pytest.raises(InputError, match="has no RGB pictures"):
-        export(read(made), tmp_path / "out", "yolo", quiet)
+        export(dataset, tmp_path / "out", "yolo", quiet)
