@@ -37,8 +37,8 @@ _SKULL: tuple[_Section, ...] = (  # above the joint
 
 
 @dataclass(frozen=True)
-class Features:
-    """The surfaces of a head."""
+class PersonSurfaces:
+    """The surfaces of a person."""
 
     skin: Surface
     hair: Surface
@@ -46,9 +46,13 @@ class Features:
     eye: Surface
     pupil: Surface
     hat: Surface
+    shirt: Surface
+    trousers: Surface
+    shoes: Surface
+    bag: Surface
 
     @classmethod
-    def of(cls, tag: int) -> Features:
+    def of(cls, tag: int) -> PersonSurfaces:
         """Return the surfaces with a semantic tag."""
         return cls(
             Surface("skin", Pattern.SKIN, tag),
@@ -57,10 +61,14 @@ class Features:
             Surface("eye", Pattern.SKIN, tag),
             Surface("pupil", Pattern.PLAIN, tag),
             Surface("hat", Pattern.CLOTH, tag),
+            Surface("shirt", Pattern.CLOTH, tag),
+            Surface("trousers", Pattern.CLOTH, tag),
+            Surface("shoes", Pattern.RUBBER, tag),
+            Surface("bag", Pattern.CLOTH, tag),
         )
 
 
-def head(b: Builder, f: Figure, s: Features, hair: int) -> None:
+def head(b: Builder, f: Figure, s: PersonSurfaces, hair: int) -> None:
     """Add a head, in the frame of its neck joint."""
     size, base = 0.142 * f.height * f.head, 0.022 * f.height
     b.grid(s.skin, _rings(_SKULL, size, base), crease=-1.0, caps=(s.skin, s.skin))
@@ -96,7 +104,7 @@ def _at(z: float) -> tuple[float, float]:
     return _SKULL[-1][1], _SKULL[-1][3]
 
 
-def _face(b: Builder, s: Features, size: float, base: float) -> None:
+def _face(b: Builder, s: PersonSurfaces, size: float, base: float) -> None:
     """Add nose, eyes, brows, mouth and ears: enough to recognise the front and the direction of gaze."""
 
     def patch(surface: Surface, y: float, z: float, wide: float, tall: float, out: float, tilt: float = 0.0) -> None:
@@ -160,7 +168,7 @@ def _shell(b: Builder, surface: Surface, outer: Array, size: float) -> None:
     b.grid(surface, np.concatenate([edge[None], outer]), crease=-1.0, caps=(None, surface))
 
 
-def _hair(b: Builder, s: Features, hair: int, size: float, base: float) -> None:
+def _hair(b: Builder, s: PersonSurfaces, hair: int, size: float, base: float) -> None:
     """Add hair that leaves the face free; long hair covers the neck."""
     grow, rim = {
         CROPPED: (0.038, (54.0, 92.0, 118.0)),
@@ -176,7 +184,7 @@ def _hair(b: Builder, s: Features, hair: int, size: float, base: float) -> None:
         loft(b, s.hair, [(base + z * size, rx * size, ry * size, -0.56 * size) for z, rx, ry in bun])
 
 
-def _cap(b: Builder, s: Features, size: float, base: float) -> None:
+def _cap(b: Builder, s: PersonSurfaces, size: float, base: float) -> None:
     """Add a cap with a peak."""
     _shell(b, s.hat, _dome(size, base, 0.075, (64.0, 74.0, 84.0)), size)
     z = base + 0.735 * size
@@ -187,13 +195,13 @@ def _cap(b: Builder, s: Features, size: float, base: float) -> None:
     b.grid(s.hat, rows - [0.0, 0.0, 0.012 * size], closed=False, crease=-1.0)
 
 
-def _beanie(b: Builder, s: Features, size: float, base: float) -> None:
+def _beanie(b: Builder, s: PersonSurfaces, size: float, base: float) -> None:
     """Add a beanie with a turned-up brim."""
     _shell(b, s.hat, _dome(size, base, 0.085, (62.0, 84.0, 100.0)), size)
     _hair(b, s, CROPPED, size, base)
 
 
-def _cyclist(b: Builder, s: Features, size: float, base: float) -> None:
+def _cyclist(b: Builder, s: PersonSurfaces, size: float, base: float) -> None:
     """Add a bicycle helmet, longer behind, with dark vents and a strap."""
     _hair(b, s, CROPPED, size, base)
     dome = _dome(size, base, 0.13, (66.0, 74.0, 84.0))
@@ -207,7 +215,7 @@ def _cyclist(b: Builder, s: Features, size: float, base: float) -> None:
     b.grid(cells, np.concatenate([edge[None], dome]), crease=-1.0, caps=(None, s.hat))
 
 
-def _full(b: Builder, s: Features, size: float, base: float) -> None:
+def _full(b: Builder, s: PersonSurfaces, size: float, base: float) -> None:
     """Add a full-face motorcycle helmet with a dark visor."""
     sections = (
         (-0.02, 0.36, 0.30, 0.34), (0.10, 0.52, 0.42, 0.43), (0.26, 0.57, 0.52, 0.47), (0.36, 0.56, 0.555, 0.485),

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from recipe_runtime.body.skeleton import Figure, Joint
 from recipe_runtime.meshes.builder import Builder, circle
-from recipe_runtime.meshes.heads import Features, head
+from recipe_runtime.meshes.heads import PersonSurfaces, head
 from recipe_runtime.meshes.lofts import Section, loft, rings, tube
-from recipe_runtime.meshes.mesh import Mesh, Pattern, Surface
+from recipe_runtime.meshes.mesh import Mesh, Surface
 
 _SHORTS, _TROUSERS, _SKIRT = 0, 1, 2
 _BACKPACK, _SATCHEL = 1, 2
@@ -19,33 +18,9 @@ _TWINS = ("upper_arm", "thigh", "shin", "foot")  # limbs that are equal on both 
 _FLARE, _HEM = 0.150, 0.37  # skirts: half depth at the hem, and height of the hem, as fractions of the person's height
 
 
-@dataclass(frozen=True)
-class Clothes:
-    """The surfaces of a person."""
-
-    skin: Surface
-    shirt: Surface
-    trousers: Surface
-    shoes: Surface
-    bag: Surface
-    face: Features
-
-    @classmethod
-    def of(cls, tag: int) -> Clothes:
-        """Return the surfaces with a semantic tag."""
-        return cls(
-            Surface("skin", Pattern.SKIN, tag),
-            Surface("shirt", Pattern.CLOTH, tag),
-            Surface("trousers", Pattern.CLOTH, tag),
-            Surface("shoes", Pattern.RUBBER, tag),
-            Surface("bag", Pattern.CLOTH, tag),
-            Features.of(tag),
-        )
-
-
 def pedestrian_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, Mesh], ...]:
     """Return the base part `pelvis`, then the parts of `Figure.joints` in order, each in the frame of its joint."""
-    figure, clothes = Figure.of(shape), Clothes.of(tag)
+    figure, clothes = Figure.of(shape), PersonSurfaces.of(tag)
     return (("pelvis", _pelvis(figure, clothes, shape, 0.0)), *_limbs(figure, clothes, shape, figure.joints))
 
 
@@ -60,12 +35,12 @@ def rider_parts(shape: Mapping[str, float], tag: int, joints: Sequence[Joint]) -
     Returns:
         `pelvis`, with its origin between the hips, then the other parts.
     """
-    figure, clothes = Figure.of(shape), Clothes.of(tag)
+    figure, clothes = Figure.of(shape), PersonSurfaces.of(tag)
     return [("pelvis", _pelvis(figure, clothes, shape, figure.hip)), *_limbs(figure, clothes, shape, joints[1:])]
 
 
 def _limbs(
-    figure: Figure, clothes: Clothes, shape: Mapping[str, float], joints: Sequence[Joint]
+    figure: Figure, clothes: PersonSurfaces, shape: Mapping[str, float], joints: Sequence[Joint]
 ) -> list[tuple[str, Mesh]]:
     made: dict[str, Mesh] = {}
     for joint in joints:
@@ -77,7 +52,7 @@ def _limbs(
         if joint.part == "torso":
             _torso(b, figure, clothes, shape)
         elif joint.part == "head":
-            head(b, figure, clothes.face, int(shape["hair"]))
+            head(b, figure, clothes, int(shape["hair"]))
         elif kind == "upper_arm":
             _upper_arm(b, figure, clothes, long)
         elif kind == "forearm":
@@ -96,7 +71,7 @@ def _scaled(rows: Sequence[Section], h: float, g: float) -> list[Section]:
     return [(z * h, rx * h * g, ry * h * g, cx * h) for z, rx, ry, cx in rows]
 
 
-def _pelvis(f: Figure, c: Clothes, shape: Mapping[str, float], down: float) -> Mesh:
+def _pelvis(f: Figure, c: PersonSurfaces, shape: Mapping[str, float], down: float) -> Mesh:
     """Return the hips, with skirts and coat tails. The origin of the base part is `down` metres above the ground."""
     h, g, coat = f.height, f.girth, shape["coat"]
     b = Builder()
@@ -126,7 +101,7 @@ def _skirt(b: Builder, surface: Surface, hem: list[Section], h: float, g: float,
     b.grid(surface, outside[:2, ::-1] * [0.97, 0.97, 1.0], crease=-1.0)
 
 
-def _torso(b: Builder, f: Figure, c: Clothes, shape: Mapping[str, float]) -> None:
+def _torso(b: Builder, f: Figure, c: PersonSurfaces, shape: Mapping[str, float]) -> None:
     """Add a shirt or coat from the hips to the collar, and the neck.
 
     Heights are fractions from hip (0.52) to neck (0.836).
@@ -174,7 +149,7 @@ def _torso(b: Builder, f: Figure, c: Clothes, shape: Mapping[str, float]) -> Non
 _ELBOW, _KNEE = 0.0232, 0.0322  # radii of the joints, as fractions of the height
 
 
-def _upper_arm(b: Builder, f: Figure, c: Clothes, long: bool) -> None:
+def _upper_arm(b: Builder, f: Figure, c: PersonSurfaces, long: bool) -> None:
     h, g = f.height, 0.5 + 0.5 * f.girth
     arm = [
         (-0.172, _ELBOW, _ELBOW, 0.0),
@@ -190,7 +165,7 @@ def _upper_arm(b: Builder, f: Figure, c: Clothes, long: bool) -> None:
         loft(b, c.shirt, _scaled(sleeve, h, g), domes=1)
 
 
-def _forearm(b: Builder, f: Figure, c: Clothes, long: bool, side: float) -> None:
+def _forearm(b: Builder, f: Figure, c: PersonSurfaces, long: bool, side: float) -> None:
     h, g = f.height, 0.5 + 0.5 * f.girth
     arm = [
         (-0.145, 0.0150, 0.0128, 0.0),
@@ -214,7 +189,7 @@ def _forearm(b: Builder, f: Figure, c: Clothes, long: bool, side: float) -> None
     loft(b, c.skin, _scaled(thumb, h, 1.0), y=-side * 0.006 * h, sides=6, domes=0)
 
 
-def _thigh(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
+def _thigh(b: Builder, f: Figure, c: PersonSurfaces, legs: int) -> None:
     h, g, k = f.height, 0.3 + 0.7 * f.girth, f.limb
     rows = [
         (-0.24 * k, _KNEE, _KNEE, 0.0),
@@ -229,7 +204,7 @@ def _thigh(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
         loft(b, c.trousers, _scaled(shorts[legs == _SKIRT :], h, g), domes=1)
 
 
-def _shin(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
+def _shin(b: Builder, f: Figure, c: PersonSurfaces, legs: int) -> None:
     h, g, k = f.height, 0.3 + 0.7 * f.girth, f.limb
     calf = [
         (-0.225 * k, 0.0195, 0.0180, 0.001),
@@ -249,7 +224,7 @@ def _shin(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
     loft(b, c.trousers, _scaled([*cloth, calf[-1]], h, g * 1.06))
 
 
-def _foot(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
+def _foot(b: Builder, f: Figure, c: PersonSurfaces, legs: int) -> None:
     """Add a shoe, flat below, with sections along x from heel to toe, and an ankle."""
     h = f.height
     sole = -f.ankle
