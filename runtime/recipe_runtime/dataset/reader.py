@@ -25,6 +25,7 @@ from recipe_runtime.core.files import file_sha256, open_inside, read_inside
 from recipe_runtime.core.files import regular_file as regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.versions import STAGES, tool_versions
 from recipe_runtime.dataset import digests, manifest_reader
 from recipe_runtime.dataset.events import distinct_events
 from recipe_runtime.dataset.manifest import listed_files
@@ -63,7 +64,7 @@ def read(root: Path, name: str = "") -> Dataset:
         name: its name in messages, such as the URL of which the folder is a copy; the folder by default.
 
     Raises:
-        InputError: the folder is not a dataset, or the manifest or a plan is damaged.
+        InputError: the folder is not a dataset, or the manifest or a plan is damaged or of another version.
     """
     name = name or str(root)
     try:
@@ -96,7 +97,7 @@ def read(root: Path, name: str = "") -> Dataset:
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(
-            f"{name}: its manifest or a plan is damaged ({reason})",
+            f"{name}: its manifest or a plan is damaged, or of another version ({reason})",
             help="move the folder away, and build the dataset again",
             code=Code.INVALID_DATASET,
         ) from None
@@ -366,7 +367,8 @@ def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan
         try:
             variant = reader.read(_bytes_of(root, path))
         except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+            is_other = (manifest["stages"], manifest["tools"]) != (STAGES, tool_versions())
+            raise ValueError(f"{path}: {'made by other versions of stages or tools; ' * is_other}{error}") from None
         if variant.variant != name:
             raise ValueError(f"{path} is the plan of {variant.variant!r}")
         variants.append(variant)

@@ -166,6 +166,23 @@ def test_a_damaged_manifest_is_an_error_of_one_line(copy: Path, harm: Callable[[
     assert caught.value.problems[0].help == "move the folder away, and build the dataset again"
 
 
+@pytest.mark.parametrize("is_other", [False, True])
+def test_a_plan_of_another_version_is_not_called_damaged_only(copy: Path, is_other: bool) -> None:
+    """As of a dataset from before a weather parameter was added."""
+    manifest: Any = manifest_of(copy)
+    if is_other:
+        manifest["stages"]["plan"] += 1
+    path = copy / f"plans/{manifest['order'][0]}.json"
+    plan = json.loads(path.read_text())
+    del plan["appearance"]["weather"]["wetness"]
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    path.write_text(json.dumps(plan))
+    why = "made by other versions of stages or tools; " * is_other
+    with pytest.raises(InputError, match=rf"or of another version \(plans/.*: {why}Object missing") as caught:
+        datasets.read(copy)
+    assert str(caught.value.problems[0].help).endswith("build the dataset again")
+
+
 def test_a_manifest_in_another_order_than_the_plan_is_refused(copy: Path) -> None:
     first, second = (copy / f"plans/{name}.json" for name in manifest_of(copy)["order"][:2])
     first.write_bytes(second.read_bytes())
