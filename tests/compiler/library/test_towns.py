@@ -223,6 +223,12 @@ def test_wrong_parameters_are_refused(name: str, key: str) -> None:
             towns.build(name, 0, {key: value})
 
 
+def test_a_town_has_the_name_of_its_module(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(towns.TOWNS, "uptown", towns.TOWNS["plaza"])
+    with pytest.raises(AssertionError, match="the module of town uptown names it plaza"):
+        towns.build("uptown", 0, {})
+
+
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(ValueError, match=f"unknown town 'uptown'; the towns are: {', '.join(towns.NAMES)}"):
         towns.build("uptown", 0, {})

@@ -67,4 +67,6 @@ def build(name: str, seed: int, params: Mapping[str, object]) -> Town:
         if key not in declared:
             raise ValueError(f"town {name} has no parameter {key!r}; it has: {', '.join(declared)}")
         declared[key].check(key, value)
-    return TOWNS[name].build(seed, **{key: params.get(key, parameter.default) for key, parameter in declared.items()})
+    town = TOWNS[name].build(seed, **{key: params.get(key, parameter.default) for key, parameter in declared.items()})
+    assert town.plan.name == name, f"the module of town {name} names it {town.plan.name}"
+    return town
