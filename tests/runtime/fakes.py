@@ -138,10 +138,11 @@ class Seen:
     objects: list[View]
 
     def drawn(self, label_pass: LabelPass) -> NDArray[np.generic]:
-        """Return an array whose last channel is 1 where there is an actor; all else is 0."""
+        """Return values from 0 to 1, or integers from 0 to 250, where there is an actor; all else is 0."""
         height, width = self.instance.shape
-        array = np.zeros((height, width, label_pass.channels), label_pass.dtype)
-        array[..., -1] = self.instance > 0
+        steps = np.arange(height * width * label_pass.channels).reshape(height, width, -1) * 7919 % 251
+        spread = steps / 250 if np.dtype(label_pass.dtype).kind == "f" else steps
+        array = np.where(self.instance[..., None] > 0, spread, 0).astype(label_pass.dtype)
         return array.reshape(label_pass.shape(width, height))
 
 

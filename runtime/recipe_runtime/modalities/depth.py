@@ -84,7 +84,9 @@ MODALITY = Modality(
     name=NAME,
     dtype="float32",
     files={
-        "png": FileForm("uint8", "depth_low|depth_middle|depth_high", store=to_carla, load=from_carla, is_exact=False),
+        "png": FileForm(
+            "uint8", "depth_low|depth_middle|depth_high", store=to_carla, load=from_carla, tolerance=6.1e-5
+        ),
         "npy": FileForm("float32", "depth", codecs.npy, store=_float32),
         "tif": FileForm("float32", "depth", _tiff, store=_float32),
     },

@@ -34,7 +34,7 @@ class FileForm:
         encode: Stored array -> the bytes of a file.
         store: Array of the modality -> stored array; the same array by default.
         load: The inverse of `store`.
-        is_exact: Whether `load` returns the array that was stored; otherwise it is rounded.
+        tolerance: How much a value that `load` returns may differ from the one that was stored, because of rounding.
     """
 
     dtype: str
@@ -42,7 +42,7 @@ class FileForm:
     encode: Callable[[Array], bytes] = codecs.png
     store: Callable[[Array], Array] = _unchanged
     load: Callable[[Array], Array] = _unchanged
-    is_exact: bool = True
+    tolerance: float = 0.0
 
     def fits(self, stored: Array) -> bool:
         """Return whether an array has the type and the channels of a stored one; floats must be finite."""

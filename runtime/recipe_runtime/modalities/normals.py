@@ -126,7 +126,7 @@ MODALITY = Modality(
     dtype="float32",
     channels=3,
     files={
-        "png": FileForm("uint16", "nx|ny|nz", store=_to_16_bits, load=_from_16_bits, is_exact=False),
+        "png": FileForm("uint16", "nx|ny|nz", store=_to_16_bits, load=_from_16_bits, tolerance=1.6e-5),
         "npy": FileForm("float32", "nx|ny|nz", codecs.npy),
     },
     picture=_picture,

@@ -100,7 +100,7 @@ class FileComparison:
         A rounded form, such as depth in a PNG, is not compared: the digest is of the unrounded values.
         """
         name, sensor, frame, modality = at
-        if modality is None or not declared(modality).files[path.rpartition(".")[2]].is_exact:
+        if modality is None or declared(modality).files[path.rpartition(".")[2]].tolerance > 0:
             return None
         row = (digests.bare(self.plan, "", {}).variants[name].frame_key(modality), sensor, modality, frame)
         camera = next(s.camera for s in self.plan.named(name).rig.sensors if s.name == sensor)

@@ -64,7 +64,7 @@ def test_a_file_is_decoded_to_what_was_encoded(name: str, ending: str) -> None:
     again, stored = decode(f".{name}.{ending}", body), stored_array(body, ending, array.shape)
     assert (again.dtype, again.shape) == (array.dtype, array.shape)
     assert form.fits(stored) and np.array_equal(form.store(again), stored), "a second time, nothing is rounded"
-    assert np.array_equal(again, array) if form.is_exact else np.allclose(again, array, atol=1e-4)
+    assert np.allclose(again, array, rtol=0, atol=form.tolerance)
 
 
 @pytest.mark.parametrize(("name", "ending"), FILES)
