@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 
 import pytest
-from recipe_compiler.ir.modalities import LABEL_MODALITIES, MODALITIES
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.semantic_tags import BODIES, Tag
 
 from tests.sources import modules, walk
@@ -44,39 +44,3 @@ def test_a_repeated_list_is_found() -> None:
     tree = ast.parse('x = ("rgb", "depth", "semantic", "instance")')
     assert listed(tree, frozenset(MODALITIES)) == [1]
     assert listed(ast.parse('x = ("rgb", "depth")'), frozenset(MODALITIES)) == []
-
-
-def literals(name: str) -> set[str]:
-    """Return the modules with a string that is equal to a name."""
-    every = (module for package in ("recipe_compiler", "recipe_runtime", "recipe_cli") for module in modules(package))
-    return {path for path, tree in every if any(isinstance(n, ast.Constant) and n.value == name for n in walk(tree))}
-
-
-# Strings that name something else: fields of records of labels and patches, a stream, a folder of Armory, columns of
-# vertices.
-OTHER_MEANINGS = {
-    "depth": {
-        "recipe_runtime/attacks/patch_metadata.py",
-        "recipe_runtime/attacks/truth.py",
-    },
-    "instance": {
-        "recipe_compiler/lowering/placement.py",
-        "recipe_runtime/annotate/coco.py",
-        "recipe_runtime/annotate/mots.py",
-        "recipe_runtime/annotate/objects.py",
-        "recipe_runtime/dataset/card.py",
-        "recipe_runtime/dataset/text_files.py",
-        "recipe_runtime/report/contact_sheets.py",
-        "recipe_runtime/torch.py",
-    },
-    "normals": {"recipe_runtime/render/sampling/buffers.py", "recipe_runtime/render/scene/geometry.py"},
-}
-
-
-@pytest.mark.parametrize("name", LABEL_MODALITIES)
-def test_a_modality_is_known_by_its_module_and_the_registry(name: str) -> None:
-    """Only CARLA's importer names modalities, too, and export formats their files. A new modality needs no change."""
-    others = "recipe_compiler/carla/forms/", "recipe_runtime/transfer/formats/"
-    knowing = {path for path in literals(name) if not path.startswith(others)}
-    expected = {"recipe_compiler/ir/modalities.py", f"recipe_runtime/modalities/{name}.py"}
-    assert expected <= knowing <= expected | OTHER_MEANINGS.get(name, set())
