@@ -18,6 +18,7 @@ from pathlib import Path
 from recipe_compiler.ir.modalities import CHOICES, KINDS, MODALITIES
 from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import towns, weather
+from recipe_compiler.schema.weather import Preset
 from recipe_runtime.modalities import declared
 from recipe_runtime.transfer import formats
 
@@ -63,9 +64,10 @@ def presets() -> str:
 
 
 def weather_parameters() -> str:
-    """Return the table of weather parameters."""
-    rows = ((f"`{n}`", f"{p.low:,} to {p.high:,}", f"{p.engine:g}", p.effect) for n, p in PARAMETERS.items())
-    return table(("parameter", "range", "unset", "effect on a picture"), rows)
+    """Return the table of weather parameters; the defaults are those of a recipe without weather."""
+    default = weather.preset(Preset.model_fields["preset"].default)
+    rows = ((f"`{n}`", f"{p.low:,} to {p.high:,}", f"{default[n]:g}", p.effect) for n, p in PARAMETERS.items())
+    return table(("parameter", "range", "default", "effect on a picture"), rows)
 
 
 def town_table() -> str:

@@ -9,6 +9,7 @@ from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import weather
 from recipe_compiler.lowering import sun
 
+from docs.tables import weather_parameters
 from tests.compiler.kitchen import compiled, only, small
 
 
@@ -45,6 +46,15 @@ def test_no_weather_is_the_default_preset() -> None:
     del recipe["base"]["weather"]
     assert only(recipe).appearance == only(small(weather="Default")).appearance
     assert only(recipe).appearance == only(small(weather={})).appearance
+
+
+def test_the_documentation_has_the_values_of_a_recipe_without_weather() -> None:
+    recipe = small()
+    del recipe["base"]["weather"]
+    shown = {row.split("`")[1]: float(row.split(" | ")[2]) for row in weather_parameters().splitlines()[2:]}
+    appearance = only(recipe).appearance
+    sky = {"sun_azimuth_angle": -appearance.sun.azimuth % 360, "sun_altitude_angle": appearance.sun.altitude}
+    assert shown == appearance.weather.model_dump() | sky
 
 
 @pytest.mark.parametrize(("carla", "ours"), [(0, 0), (90, 270), (360, 0), (45.5, 314.5)])
