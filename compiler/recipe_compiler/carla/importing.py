@@ -16,7 +16,6 @@ from recipe_compiler.carla.report import Default, Node, Report, Row, key_of
 from recipe_compiler.carla.scene import Scene
 from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form, SettingsReader
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
-from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.source import yaml_reader
 from recipe_compiler.source.merge import Merger
 from recipe_compiler.source.yaml_reader import Value
@@ -169,7 +168,7 @@ def _weather_path(root: Value) -> tuple[str, ...] | None:
         alone = all(len([k for k in each.map if k != "_target_"]) == 1 for each in outer if each is not None)
         if here is None or not alone or not isinstance(here.data, dict):
             continue
-        if path or (here.map and set(here.map) <= {*PARAMETERS, "_target_"}):
+        if path or (here.map and set(here.map) <= {*weather.COLLECTOR, "_target_"}):
             return path
     return None
 

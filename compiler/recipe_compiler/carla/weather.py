@@ -8,7 +8,7 @@ from recipe_compiler.carla.report import Node
 from recipe_compiler.ir.weather import PARAMETERS, UNSET
 from recipe_compiler.schema.messages import near
 
-COLLECTOR = {name: parameter.constructor for name, parameter in PARAMETERS.items()}
+COLLECTOR = {name: parameter.constructor for name, parameter in PARAMETERS.items() if parameter.in_carla}
 """The parameters of `carla.WeatherParameters()`, the collector's defaults."""
 
 OSCAR = COLLECTOR | {"cloudiness": 25.0, "sun_altitude_angle": 20.0}
@@ -24,7 +24,7 @@ def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
         to: the path of the weather in the recipe.
     """
     found: dict[str, Data] = {}
-    for parameter in PARAMETERS:
+    for parameter in COLLECTOR:
         child = node.get(parameter)
         value = reader.number(child)
         if child is None or value is None:
@@ -36,8 +36,8 @@ def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
         else:
             reader.ledger.kept(child, f"{to}.{parameter}")
     for child in node.children():
-        if child.path[-1] not in PARAMETERS and child.path[-1] != "_target_":
-            meant = near(str(child.path[-1]), PARAMETERS)
+        if child.path[-1] not in COLLECTOR and child.path[-1] != "_target_":
+            meant = near(str(child.path[-1]), COLLECTOR)
             hint = f", did you mean {meant}?" if meant else ""
             reader.ledger.ignored(child, f"CARLA has no such weather parameter{hint}")
     return found
@@ -52,11 +52,11 @@ def complete(reader: Reader, given: dict[str, Data], defaults: dict[str, float],
         defaults: the values of all parameters that are not given.
         to: the path of the weather in the recipe.
     """
-    for parameter in PARAMETERS:
+    for parameter in COLLECTOR:
         if parameter not in given:
             why = "not given: the collector's default"
             reader.ledger.default(f"{to}.{parameter}", defaults[parameter], why)
-    return {parameter: given.get(parameter, defaults[parameter]) for parameter in PARAMETERS}
+    return {parameter: given.get(parameter, defaults[parameter]) for parameter in COLLECTOR}
 
 
 def _clamped(parameter: str, value: float) -> tuple[float, str]:

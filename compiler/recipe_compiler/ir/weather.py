@@ -26,6 +26,7 @@ class Parameter:
     high: float = 100
     engine: float = 0.0  # the engine's own default, the value of an unset parameter
     constructor: float = 0.0  # default of CARLA's Python constructor
+    in_carla: bool = True  # whether CARLA has it; otherwise imports from CARLA leave it out
     usual: float = 0.0  # in presets whose table has no column for it, and in portraits
 
     def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -33,7 +34,10 @@ class Parameter:
 
 
 class Weather(Plan):
-    """CARLA's weather parameters, in its order. The angles of the sun are not part of a plan, which has a `Sun`."""
+    """CARLA's weather parameters, in its order, and then those that it lacks.
+
+    The angles of the sun are not part of a plan, which has a `Sun`.
+    """
 
     cloudiness: Annotated[Number, Parameter("percent of clouds, which cover the sky, dim the sun and soften shadows")]
     precipitation: Annotated[
@@ -93,4 +97,4 @@ def _declared(name: str) -> Parameter:
 
 
 PARAMETERS: dict[str, Parameter] = {name: _declared(name) for name in Weather.__annotations__}
-"""All parameters of a recipe's weather by name, in CARLA's order."""
+"""All parameters of a recipe's weather by name, in the order of `Weather`."""

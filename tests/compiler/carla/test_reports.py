@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from importlib import reload
 from pathlib import Path
 
 import pytest
+from recipe_compiler.carla import weather
+from recipe_compiler.ir.weather import PARAMETERS, Parameter
 
 from tests.compiler.carla.importing import TOGETHER, compiled, import_files, import_text, leaves
 
@@ -61,6 +64,19 @@ def test_a_parameter_with_another_unit_is_mapped(parameter: str) -> None:
         text = f"max_frames: 1\nspawn_actors:\n  - blueprint: {camera}\n"
         (row,) = (row for row in import_text(text).report.rows if row.key.endswith(parameter))
         assert (row.outcome.value, bool(row.why)) == (outcome, outcome == "mapped")
+
+
+def test_a_parameter_that_carla_lacks_is_not_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setitem(PARAMETERS, "pollen", Parameter("percent of pollen", in_carla=False))
+        reload(weather)
+        one = import_text(
+            "max_frames: 1\nweather: {pollen: 3}\nspawn_actors:\n  - blueprint: {name: sensor.camera.rgb}\n"
+        )
+    reload(weather)
+    (row,) = (row for row in one.report.rows if row.key == "weather.pollen")
+    assert row.outcome.value == "ignored"
+    assert "pollen" not in one.text
 
 
 def test_a_range_of_angles_beyond_a_turn_is_moved_into_it() -> None:
