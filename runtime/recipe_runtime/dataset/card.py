@@ -6,7 +6,7 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 
-from recipe_compiler.ir.modalities import MODALITIES
+from recipe_compiler.ir.modalities import MODALITIES, form_of
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plurals import count
 
@@ -74,11 +74,15 @@ def _objects(videos: Sequence[Video]) -> str:
 
 
 def _layout(dataset: DatasetPlan) -> str:
+    sensors = [sensor for variant in dataset.variants for sensor in variant.rig.sensors]
+    captured = [name for name in MODALITIES if any(name in sensor.capture for sensor in sensors)]
+    endings = dict.fromkeys(form_of(name, dataset.forms).ending for name in captured)
+    files = " or ".join(f"`<variant>/<sensor>/<modality>/000000.{ending}`" for ending in endings)
     lines = [
         "## Files",
         "",
-        "- `<variant>/<sensor>/<modality>/000000.png`, frames from 0; labels that variants share are hard links.",
-        *(line for name in MODALITIES if (line := declared(name).card(dataset))),
+        f"- {files}, frames from 0; labels that variants share are hard links.",
+        *(line for name in captured if (line := declared(name).card(dataset))),
         "- `<variant>/<sensor>/labels.jsonl`: one line per frame, the source of every annotation file.",
         "- `<variant>/tracks.csv`: pose, lean, velocity and box of every actor at every frame, in the world: x, y "
         "on the ground, z up, metres and seconds; `events.csv`: collisions, lights, tracks that begin and end.",

@@ -70,14 +70,14 @@ _CARD = {
 
 
 def _card(dataset: DatasetPlan) -> str:
-    """Return the line on depth and sky, if a sensor captures it."""
+    """Return the line on depth and sky."""
     sensors = [sensor for variant in dataset.variants for sensor in variant.rig.sensors if NAME in sensor.capture]
     form = form_of(NAME, dataset.forms).name
     limit = _CARLA_FAR if form == "carla" else math.inf
     sky = sorted({min(sensor.camera.far, limit) for sensor in sensors})
     where = f"The sky is at {sky[0]:g} m" if len(sky) == 1 else "The sky is at the far limit of the camera"
     at_most = f", at most {_CARLA_FAR:g} m" if len(sky) > 1 and limit in sky else ""
-    return f"- depth: {_CARD[form]} {where}{at_most}." if sky else ""
+    return f"- depth: {_CARD[form]} {where}{at_most}."
 
 
 MODALITY = Modality(

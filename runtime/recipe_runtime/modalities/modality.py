@@ -62,7 +62,7 @@ class Modality:
         files: The forms of its files, by the endings of file names; those of the registry, and those of copies.
         picture: Array -> picture for people, uint8 [H, W, 3]. No digest covers it.
         channels: Values of a pixel. 1: its arrays are [H, W], otherwise [H, W, channels].
-        card: Dataset -> line of the dataset's card, or nothing.
+        card: Dataset of which a sensor captures it -> line of the dataset's card, or nothing.
         seen: Observation -> array, of a label that every observation has.
         draw: Launches the kernels that compute a label which not every observation has. The arguments are
             `render.raster.surfaces.VisibleSurfaces` and the array to write, [H * W * channels], row by row.
@@ -98,8 +98,3 @@ class Modality:
         """Return the file of an array in the form with this ending."""
         form = self.files[ending]
         return form.encode(form.store(array))
-
-
-def captures(dataset: DatasetPlan, name: str) -> bool:
-    """Return whether a sensor of a dataset captures a modality."""
-    return any(name in sensor.capture for variant in dataset.variants for sensor in variant.rig.sensors)

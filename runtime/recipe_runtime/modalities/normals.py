@@ -15,7 +15,7 @@ from recipe_compiler.ir.modalities import form_of
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core import codecs
-from recipe_runtime.modalities.modality import Array, FileForm, Modality, captures
+from recipe_runtime.modalities.modality import Array, FileForm, Modality
 
 if TYPE_CHECKING:
     from recipe_runtime.render.device.arrays import DeviceArray
@@ -118,7 +118,7 @@ _CARD = {
 def _card(dataset: DatasetPlan) -> str:
     text = _CARD[form_of(_NAME, dataset.forms).name]
     where = "Unit vectors in the camera's optical frame (x right, y down, z forward), 0 for the sky"
-    return f"- normals: {text}. {where}." if captures(dataset, _NAME) else ""
+    return f"- normals: {text}. {where}."
 
 
 MODALITY = Modality(

@@ -1,8 +1,9 @@
-"""The card of a dataset describes depth and sky as its cameras record them."""
+"""The card of a dataset describes the files of its modalities, and depth and sky as its cameras record them."""
 
 from __future__ import annotations
 
 import pytest
+from recipe_compiler.ir.modalities import LABEL_MODALITIES, MODALITIES
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.dataset.card import card
 
@@ -32,8 +33,20 @@ def test_the_card_states_the_depth_of_the_sky(depth: str, far: float, sky: str) 
     assert f"The sky is at {sky}." in line
 
 
-def test_the_card_of_a_dataset_without_depth_does_not_describe_it() -> None:
-    assert "depth:" not in text("carla", 1000.0, ("rgb",)) and "1000 m" not in text("carla", 1000.0, ("rgb",))
+@pytest.mark.parametrize("name", LABEL_MODALITIES)
+def test_the_card_describes_the_modalities_that_are_captured(name: str) -> None:
+    found = text("carla", 1000.0, ("rgb", name)).splitlines()
+    assert [row.split(":")[0] for row in found if row.startswith(tuple(f"- {known}:" for known in MODALITIES))] == [
+        f"- {name}"
+    ]
+
+
+def test_the_card_names_the_endings_of_files() -> None:
+    for capture, files in (
+        (("rgb",), "png`,"),
+        (("rgb", "depth"), "png` or `<variant>/<sensor>/<modality>/000000.npy`,"),
+    ):
+        assert f"- `<variant>/<sensor>/<modality>/000000.{files}" in text("npy", 1000.0, capture)
 
 
 def text(depth: str, far: float, capture: tuple[str, ...]) -> str:
