@@ -264,7 +264,10 @@ def _disk(plan: DatasetPlan, observed: Iterable[ScenarioPlan]) -> int:
     pictures = [(v, sensor, form) for v, sensor in sensors for form in _label_forms(sensor, plan.forms)]
     shown = [(v, sensor) for v in plan.variants for sensor in v.rig.sensors if "rgb" in sensor.capture]
     pictures += [(v, sensor, form_of("rgb", {})) for v, sensor in shown]
-    blocks = sum(_frames(v, sensor) * -(-_file_bytes(sensor, form) // _BLOCK) for v, sensor, form in pictures)
+    files = [(v, sensor, _file_bytes(sensor, form)) for v, sensor, form in pictures]
+    if "kwcoco" in plan.annotations:
+        files += [(v, sensor, int(_pixels(sensor) * form.copy_size)) for v, sensor, form in pictures]
+    blocks = sum(_frames(v, sensor) * -(-size // _BLOCK) for v, sensor, size in files)
     plans = sum(_bodies(v.scene) * _TEXT for v in plan.variants)
     return blocks * _BLOCK + plans + min(4 * sum(_pixels(sensor) for _, sensor in shown), _PREVIEW)
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.estimate import Cost, Memory, TooLargeError, estimate, size
+from recipe_compiler.ir.modalities import CHOICES, Form
 
 from tests.compiler.kitchen import compiled, small
 from tests.compiler.modelling import obj
@@ -102,6 +103,18 @@ def test_a_small_file_is_counted_as_a_block_of_the_disk() -> None:
     """Regression: 3,000 frames of a few pixels were estimated at 16 bytes."""
     tiny = {"camera": {"width": 16, "height": 16}, "capture": ["instance"]}
     assert cost_of(tiny, frames=3000, actors={}, traffic={}).bytes >= 3000 * 4096
+
+
+@pytest.mark.parametrize("form", [form for forms in CHOICES.values() for form in forms if form.copy])
+def test_copies_for_kwcoco_are_part_of_the_estimate(form: Form) -> None:
+    (name,) = (name for name, forms in CHOICES.items() if form in forms)
+    sensor = {**CAMERA, "capture": ["rgb", name]}
+    with_copy, without = (
+        compiled(small(sensors={"s": sensor}) | {"output": {name: form.name, "annotations": annotations}}).cost.bytes
+        for annotations in (["kwcoco"], ["coco"])
+    )
+    copies = 4 * 320 * 240 * form.copy_size
+    assert copies <= with_copy - without <= copies + 4 * 4096
 
 
 def test_files_of_props_and_patches_are_part_of_the_estimate(tmp_path: Path) -> None:

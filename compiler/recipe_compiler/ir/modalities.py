@@ -17,11 +17,12 @@ class Form:
     Attributes:
         name: The form, as in a recipe's `output`.
         help: The form in words.
-        size: Bytes per pixel.
+        size: Bytes of a file per pixel of the picture, compression included and the copy not.
         seconds: Seconds of one core for a megapixel: to encode it, and to compute it if not every observation has it.
-        level_size: Bytes per pixel of a level camera that does not move; None: `size`.
+        level_size: The same of a level camera that does not move; None: `size`.
         ending: Ending of the files' names.
         copy: Ending of a copy in another form, which kwcoco needs because it does not read this one.
+        copy_size: Bytes of the copy per pixel of the picture.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Form:
     level_size: float | None = None
     ending: str = "png"
     copy: str | None = None
+    copy_size: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ _KINDS = (
         "metres along the optical axis; the camera's far limit for the sky",
         (
             Form("carla", "CARLA's 24-bit PNG, in which distances end at 1000 m", 0.5, 0.02, level_size=0.15),
-            Form("npy", "float32", 4.9, 0.01, ending="npy", copy="tif"),
+            Form("npy", "float32", 4.0, 0.01, ending="npy", copy="tif", copy_size=0.9),
         ),
         always_listed=True,
     ),
@@ -74,7 +76,7 @@ _KINDS = (
         "unit normal of the surface in the optical frame (x right, y down, z forward); 0 for the sky",
         (
             Form("png", "16-bit RGB PNG", 0.9, 0.1),
-            Form("npy", "float32", 12.0, 0.06, ending="npy", copy="png"),
+            Form("npy", "float32", 12.0, 0.06, ending="npy", copy="png", copy_size=0.9),
         ),
     ),
 )

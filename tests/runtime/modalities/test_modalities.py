@@ -47,6 +47,7 @@ def test_the_declaration_agrees_with_the_registry(name: str) -> None:
     assert len({form.ending for form in forms}) == len(forms), "the ending of a file tells its form"
     assert KINDS[name].is_label == ((made.seen is not None) != (made.draw is not None))
     assert KINDS[name].help and all(form.help and form.size > 0 and form.seconds > 0 for form in forms)
+    assert all(bool(form.copy) == (form.copy_size > 0) for form in forms)
 
 
 @pytest.mark.parametrize("name", MODALITIES)
