@@ -68,7 +68,7 @@ def kitti_mots(folder: Path) -> tuple[str, dict[str, Any], list[str]]:
 def test_a_perfect_tracker_has_perfect_scores(
     exports: Path, layout: Callable[[Path], tuple[str, dict[str, Any], list[str]]]
 ) -> None:
-    import trackeval
+    trackeval = pytest.importorskip("trackeval")
 
     name, config, classes = layout(exports)
     quiet = {"PRINT_CONFIG": False, "PRINT_RESULTS": False, "OUTPUT_SUMMARY": False, "OUTPUT_DETAILED": False}
