@@ -36,7 +36,6 @@ def fixed(value: float) -> float:
 Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
 Metres = Annotated[Number, Field(ge=-100_000, le=100_000)]
 Degrees = Annotated[Number, Field(ge=-10_000, le=10_000)]
-Percent = Annotated[Number, Field(ge=0, le=100)]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
