@@ -36,7 +36,7 @@ class Form:
 
 
 @dataclass(frozen=True)
-class Kind:
+class ModalityEntry:
     """A modality, as the compiler knows it.
 
     Attributes:
@@ -55,8 +55,8 @@ class Kind:
 
 
 _KINDS = (
-    Kind("rgb", "colour, antialiased", (Form("png", "8-bit sRGB PNG", 1.52, 0.015),), is_label=False),
-    Kind(
+    ModalityEntry("rgb", "colour, antialiased", (Form("png", "8-bit sRGB PNG", 1.52, 0.015),), is_label=False),
+    ModalityEntry(
         "depth",
         "metres along the optical axis; the camera's far limit for the sky",
         (
@@ -65,13 +65,13 @@ _KINDS = (
         ),
         always_listed=True,
     ),
-    Kind(
+    ModalityEntry(
         "instance",
         "CARLA tag * 1000 + number of the actor; 0 for town and sky",
         (Form("png", "16-bit PNG", 0.006, 0.003),),
     ),
-    Kind("semantic", "CARLA 0.9.14+ tag", (Form("png", "8-bit PNG", 0.016, 0.003),)),
-    Kind(
+    ModalityEntry("semantic", "CARLA 0.9.14+ tag", (Form("png", "8-bit PNG", 0.016, 0.003),)),
+    ModalityEntry(
         "normals",
         "unit normal of the surface in the optical frame (x right, y down, z forward); 0 for the sky",
         (
@@ -81,7 +81,7 @@ _KINDS = (
     ),
 )
 
-KINDS: Mapping[str, Kind] = {kind.name: kind for kind in _KINDS}
+KINDS: Mapping[str, ModalityEntry] = {kind.name: kind for kind in _KINDS}
 """All modalities by name, in the order of a plan's `capture`."""
 
 MODALITIES: tuple[str, ...] = tuple(KINDS)

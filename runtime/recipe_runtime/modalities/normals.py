@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from recipe_runtime.render.device.arrays import DeviceArray
     from recipe_runtime.render.raster.surfaces import VisibleSurfaces
 
-_NAME = "normals"
+NAME = "normals"
 _LARGEST = 65535.0  # of 16 bits
 _NONE = 32768  # the code of 0
 
@@ -116,13 +116,13 @@ _CARD = {
 
 
 def _card(dataset: DatasetPlan) -> str:
-    text = _CARD[form_of(_NAME, dataset.forms).name]
+    text = _CARD[form_of(NAME, dataset.forms).name]
     where = "Unit vectors in the camera's optical frame (x right, y down, z forward), 0 for the sky"
     return f"- normals: {text}. {where}."
 
 
 MODALITY = Modality(
-    name=_NAME,
+    name=NAME,
     dtype="float32",
     channels=3,
     files={

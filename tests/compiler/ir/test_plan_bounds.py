@@ -18,7 +18,7 @@ from tests.compiler.library.test_towns import extreme
 
 
 def parameters(name: str) -> st.SearchStrategy[dict[str, Any]]:
-    def one(parameter: towns.Parameter) -> st.SearchStrategy[Any]:
+    def one(parameter: towns.TownParameter) -> st.SearchStrategy[Any]:
         number = st.integers(parameter.low, parameter.high)
         if parameter.length is None:
             return number

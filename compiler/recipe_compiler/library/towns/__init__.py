@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from recipe_compiler.library.towns import downtown, highway, plaza, suburb
-from recipe_compiler.library.towns.town import Parameter, SpawnPoint, Town
+from recipe_compiler.library.towns.town import SpawnPoint, Town, TownParameter
 
-__all__ = ["NAMES", "TOWNS", "Parameter", "SpawnPoint", "Town", "TownModule", "build", "elements"]
+__all__ = ["NAMES", "TOWNS", "SpawnPoint", "Town", "TownModule", "TownParameter", "build", "elements"]
 
 
 class TownModule(Protocol):
@@ -18,7 +18,7 @@ class TownModule(Protocol):
 
     SUMMARY: str
     """What the town consists of, for the documentation."""
-    PARAMETERS: dict[str, Parameter]
+    PARAMETERS: dict[str, TownParameter]
 
     @property
     def elements(self) -> Callable[..., int]:

@@ -13,7 +13,7 @@ from recipe_compiler.library.towns.network import Block
 from recipe_compiler.library.towns.rows import Manner, close_yards, row
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.streets import BAY, StreetGrid
-from recipe_compiler.library.towns.town import Parameter, Town
+from recipe_compiler.library.towns.town import Town, TownParameter
 
 PITCH = 72.0  # distance between the centre lines of neighbouring streets
 EDGE = 29.3  # distance from the outermost streets' centre lines to the outer edge of the blocks beyond them
@@ -22,9 +22,9 @@ SUMMARY = (
     "closed rows of buildings, traffic lights along the main street, which is along y at x = 0, and "
     "parking bays along the other streets"
 )
-PARAMETERS: dict[str, Parameter] = {
-    "blocks": Parameter(1, 9, (3, 3), "blocks along x and along y", 2),
-    "storeys": Parameter(2, 16, (4, 9), "storeys of the lowest and of the highest buildings", 2, rising=True),
+PARAMETERS: dict[str, TownParameter] = {
+    "blocks": TownParameter(1, 9, (3, 3), "blocks along x and along y", 2),
+    "storeys": TownParameter(2, 16, (4, 9), "storeys of the lowest and of the highest buildings", 2, rising=True),
 }
 
 

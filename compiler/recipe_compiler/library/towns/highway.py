@@ -16,7 +16,7 @@ from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.network import FACES
 from recipe_compiler.library.towns.site import Site, beside, ground
 from recipe_compiler.library.towns.streets import until
-from recipe_compiler.library.towns.town import Parameter, Span, SpawnPoint, Town
+from recipe_compiler.library.towns.town import Span, SpawnPoint, Town, TownParameter
 
 LANE = 3.6  # width
 SHOULDER = 2.6  # width
@@ -31,10 +31,10 @@ SUMMARY = (
     "a motorway along y, with a median barrier at x = 0, gantries and a footpath beside it; faster "
     "traffic, no bicycles, no parking"
 )
-PARAMETERS: dict[str, Parameter] = {
-    "lanes": Parameter(2, 5, 3, "lanes in each direction"),
-    "length": Parameter(2, 20, 6, "length of the section where traffic may start, in hundreds of metres"),
-    "gantries": Parameter(150, 900, 240, "distance between gantries, metres"),
+PARAMETERS: dict[str, TownParameter] = {
+    "lanes": TownParameter(2, 5, 3, "lanes in each direction"),
+    "length": TownParameter(2, 20, 6, "length of the section where traffic may start, in hundreds of metres"),
+    "gantries": TownParameter(150, 900, 240, "distance between gantries, metres"),
 }
 
 

@@ -16,15 +16,15 @@ from recipe_compiler.library.towns.rows import Manner, row
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.square import SquareGrid, lines
 from recipe_compiler.library.towns.streets import BAY, KERB, LANE
-from recipe_compiler.library.towns.town import Parameter, SpawnPoint, Town
+from recipe_compiler.library.towns.town import SpawnPoint, Town, TownParameter
 
 EDGE = 29.3  # distance from the streets' centre lines to the outer edge of the blocks beyond them, metres
 
 SUMMARY = "a paved square around the origin with a fountain, which people cross; shops and parking around it"
-PARAMETERS: dict[str, Parameter] = {
-    "size": Parameter(40, 120, (64, 52), "size of the square along x and along y, metres", 2),
-    "storeys": Parameter(2, 8, 4, "storeys of the surrounding buildings"),
-    "trees": Parameter(0, 100, 80, "percentage of tree positions that have a tree"),
+PARAMETERS: dict[str, TownParameter] = {
+    "size": TownParameter(40, 120, (64, 52), "size of the square along x and along y, metres", 2),
+    "storeys": TownParameter(2, 8, 4, "storeys of the surrounding buildings"),
+    "trees": TownParameter(0, 100, 80, "percentage of tree positions that have a tree"),
 }
 
 

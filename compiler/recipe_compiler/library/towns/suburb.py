@@ -11,7 +11,7 @@ from recipe_compiler.library.towns import network
 from recipe_compiler.library.towns.network import Block
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.streets import KERB, StreetGrid
-from recipe_compiler.library.towns.town import Parameter, Town
+from recipe_compiler.library.towns.town import Town, TownParameter
 
 PITCH = (78.0, 108.0)  # distance between the centre lines of neighbouring streets, along x and along y
 EDGE = 39.0  # distance from the outermost streets' centre lines to the outer edge of the blocks beyond them
@@ -21,10 +21,10 @@ GARDEN = 5.9  # from the kerb to the front fence
 FRONT = 11.5  # from the kerb to the house
 
 SUMMARY = "houses in gardens, hedges and fences, driveways for parking; the main street is along y at x = 0"
-PARAMETERS: dict[str, Parameter] = {
-    "blocks": Parameter(1, 6, (2, 2), "blocks along x and along y", 2),
-    "lot": Parameter(16, 40, 22, "width of a lot in metres"),
-    "trees": Parameter(0, 100, 60, "percentage of tree positions that have a tree"),
+PARAMETERS: dict[str, TownParameter] = {
+    "blocks": TownParameter(1, 6, (2, 2), "blocks along x and along y", 2),
+    "lot": TownParameter(16, 40, 22, "width of a lot in metres"),
+    "trees": TownParameter(0, 100, 60, "percentage of tree positions that have a tree"),
 }
 
 

@@ -18,7 +18,7 @@ Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Parameter:
+class TownParameter:
     """An integer parameter of a town, or a list of integers if `length` is given."""
 
     low: int

@@ -25,7 +25,7 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FormatEntry:
     """A format, as the command line and the documentation know it.
 
     Attributes:
@@ -40,12 +40,12 @@ class Kind:
 _SHARD_SIZE = Option("shard-size", "SIZE", "the size limit of a shard, unless one frame alone is larger; default: 1G")
 _PATCH = Option("patch", "NAME", "the patch to export; default: the first of each variant")
 
-FORMATS: Mapping[str, Kind] = {
-    "webdataset": Kind("tar shards for training", (_SHARD_SIZE,)),
-    "mots": Kind("the layout of MOTSChallenge, which TrackEval reads"),
-    "kitti": Kind("the layout of KITTI's tracking and MOTS benchmarks"),
-    "armory": Kind("the layouts of Armory's CARLA datasets, with one patch", (_PATCH,)),
-    "yolo": Kind("the layout on which Ultralytics' YOLO trains detectors"),
+FORMATS: Mapping[str, FormatEntry] = {
+    "webdataset": FormatEntry("tar shards for training", (_SHARD_SIZE,)),
+    "mots": FormatEntry("the layout of MOTSChallenge, which TrackEval reads"),
+    "kitti": FormatEntry("the layout of KITTI's tracking and MOTS benchmarks"),
+    "armory": FormatEntry("the layouts of Armory's CARLA datasets, with one patch", (_PATCH,)),
+    "yolo": FormatEntry("the layout on which Ultralytics' YOLO trains detectors"),
 }
 """All export formats by name, the default first."""
 
