@@ -62,10 +62,10 @@ class Workspace:
         key = digest("build/job/1", [head(plan), builder_identity()])
         place = os.path.realpath(out)
         self._folder = StagedFolder(
-            out, FILES, recipe=plan.recipe, key=key, replace=replace, repair=repair, notice=notice
+            out, FILES, owner=plan.recipe, key=key, replace=replace, repair=repair, notice=notice
         )
         self._journal = CacheJournal(cache, digest("journal/build/1", [key, os.fsencode(place).hex()]))
-        self.dataset = self._folder.dataset
+        self.dataset = self._folder.files
 
     def __enter__(self) -> Workspace:
         with self._reported():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import stat
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from recipe_compiler.ir.errors import Code, InputError
@@ -67,13 +67,18 @@ def unused_names(outputs: Callable[[str], Mapping[Path, bytes]]) -> Mapping[Path
     """Return files under the first free names, or under names that already have equal content.
 
     Args:
-        outputs: Returns the files by path for a suffix of their names: "", ".2", ".3" and so on.
+        outputs: Returns the files by path for a suffix of their names, one of `suffixes`.
     """
-    for number in itertools.count(1):
-        files = outputs("" if number == 1 else f".{number}")
-        if all(not os.path.lexists(path) or holds(path, body) for path, body in files.items()):
-            return files
-    raise AssertionError("a count has no end")
+    return next(
+        files
+        for files in map(outputs, suffixes())
+        if all(not os.path.lexists(path) or holds(path, body) for path, body in files.items())
+    )
+
+
+def suffixes() -> Iterator[str]:
+    """Yield the suffixes of names until one is free: "", ".2", ".3" and so on."""
+    yield from itertools.chain([""], (f".{number}" for number in itertools.count(2)))
 
 
 def holds(path: Path, body: bytes) -> bool:

@@ -1,7 +1,7 @@
 """A folder that is written next to its place and put there by one rename: a dataset, an export, a local upload.
 
     .NAME.partial/
-        work.txt     the recipe and the key of the work; marks the folder as one of these
+        work.txt     the owner and the key of the work; marks the folder as one of these
         dataset/     the files written so far
         old/         the replaced folder, between two renames
         removed/     the replaced folder, while it is deleted
@@ -14,7 +14,6 @@ uses the work folder, or `settle`, moves the old folder back, or completes the r
 from __future__ import annotations
 
 import fcntl
-import itertools
 import os
 import stat
 from collections.abc import Callable, Mapping
@@ -36,6 +35,7 @@ from recipe_runtime.core.files import (
     regular_file,
     remove_tree,
 )
+from recipe_runtime.core.outputs import suffixes
 
 _MARKER = "work.txt"
 
@@ -123,20 +123,20 @@ class StagedFolder:
     Args:
         out: the output folder, checked by `check_place`.
         index: the index of folders of its kind.
-        recipe: the recipe whose output it is. Unfinished work of another recipe is kept unless `replace`.
-        key: what is made. Unfinished work with the same recipe and key is continued, other work is deleted; "" if work
+        owner: what the output is of, such as a recipe. Unfinished work of another owner is kept unless `replace`.
+        key: what is made. Unfinished work with the same owner and key is continued, other work is deleted; "" if work
             is never continued.
-        replace: whether the unfinished work of another recipe may be deleted.
+        replace: whether the unfinished work of another owner may be deleted.
         repair: whether changed files of the replaced folder are damage, and may be deleted.
         notice: called with a line of text if a replaced folder is kept.
 
     Attributes:
         out: the output folder.
         partial: the work folder.
-        dataset: the folder in it in which the output is written.
+        files: the folder in it in which the output is written.
 
     Raises:
-        InputError: on entry, if a folder that this program did not make, or work of another recipe, is in the way.
+        InputError: on entry, if a folder that this program did not make, or work of another owner, is in the way.
         RunError: on entry, if another process uses the work folder.
         OSError: on entry, and from all methods, if the host fails.
     """
@@ -146,16 +146,16 @@ class StagedFolder:
         out: Path,
         index: Index,
         *,
-        recipe: str = "",
+        owner: str = "",
         key: str = "",
         replace: bool = False,
         repair: bool = False,
         notice: Notice = ignore,
     ) -> None:
         self.out, self.partial = out, out.parent / f".{out.name}.partial"
-        self.dataset = self.partial / "dataset"
+        self.files = self.partial / "dataset"
         self._old, self._removed = self.partial / "old", self.partial / "removed"
-        self._index, self._recipe, self._key = index, recipe, key
+        self._index, self._owner, self._key = index, owner, key
         self._replace, self._repair, self._notice = replace, repair, notice
         self._lock = -1
 
@@ -166,10 +166,10 @@ class StagedFolder:
         try:
             self._recover()
             if not self.is_continued():
-                self._check_recipe()
+                self._check_owner()
                 self.clear()
                 self._marker.write_bytes(self._work)
-            make_folder(self.dataset)
+            make_folder(self.files)
         except BaseException:
             os.close(self._lock)
             raise
@@ -179,21 +179,21 @@ class StagedFolder:
         os.close(self._lock)
 
     def is_continued(self) -> bool:
-        """Return whether the work folder holds unfinished work with the same recipe and key."""
+        """Return whether the work folder holds unfinished work with the same owner and key."""
         try:
             return bool(self._key) and self._marker.read_bytes() == self._work
         except OSError:
             return False
 
     def publish(self) -> None:
-        """Put the dataset folder in its place, and remove the work folder.
+        """Put the folder of files in its place, and remove the work folder.
 
         A folder that is there is deleted if it holds no files but its own, and else kept as `NAME.replaced`.
         """
         try:
             if os.path.lexists(self.out):
                 self.out.rename(self._old)
-            self.dataset.rename(self.out)
+            self.files.rename(self.out)
         except BaseException:
             if is_folder(self._old) and not os.path.lexists(self.out):
                 self._old.rename(self.out)
@@ -207,7 +207,7 @@ class StagedFolder:
         Raises:
             RunError: another process uses the work folder.
         """
-        published = os.path.lexists(self.out) and not os.path.lexists(self.dataset)
+        published = os.path.lexists(self.out) and not os.path.lexists(self.files)
         if not is_folder(self.partial) or not (published or is_folder(self._old)):
             return
         self._take()
@@ -220,8 +220,8 @@ class StagedFolder:
 
     def clear(self) -> None:
         """Delete the files written so far."""
-        if os.path.lexists(self.dataset):
-            remove_tree(self.dataset)
+        if os.path.lexists(self.files):
+            remove_tree(self.files)
 
     def remove(self) -> None:
         """Delete the work folder, the marker last, so that an interrupted removal can be completed."""
@@ -236,7 +236,7 @@ class StagedFolder:
 
     @property
     def _work(self) -> bytes:
-        return f"{self._recipe}\n{self._key}\n".encode()
+        return f"{self._owner}\n{self._key}\n".encode()
 
     def _take(self) -> None:
         """Lock the work folder.
@@ -279,25 +279,20 @@ class StagedFolder:
             self._old.rename(self._removed)  # from here on it is deleted, wherever this process is stopped
             remove_tree(self._removed)
             return
-        kept = _free_name(self.out.with_name(f"{self.out.name}.replaced"))
+        names = (self.out.with_name(f"{self.out.name}.replaced{suffix}") for suffix in suffixes())
+        kept = next(name for name in names if not os.path.lexists(name))
         self._old.rename(kept)
         self._notice(f"{self.out} held files besides its own, or changed ones; it is kept as {kept}")
 
-    def _check_recipe(self) -> None:
-        """Raise InputError if the work folder holds unfinished work of another recipe, unless it may be replaced."""
+    def _check_owner(self) -> None:
+        """Raise InputError if the work folder holds unfinished work of another owner, unless it may be replaced."""
         try:
             other = self._marker.read_bytes().partition(b"\n")[0].decode(errors="replace")
         except OSError:
             return
-        if other not in ("", self._recipe) and not self._replace and not is_free(self.dataset):
+        if other not in ("", self._owner) and not self._replace and not is_free(self.files):
             raise InputError(
-                f"{self.partial} holds unfinished work of {other[:100]!r}, and this is {self._recipe!r}",
+                f"{self.partial} holds unfinished work of {other[:100]!r}, and this is {self._owner!r}",
                 help="choose another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
-
-
-def _free_name(path: Path) -> Path:
-    """Return a path, or with `.2`, `.3` and so on the first at which nothing is."""
-    names = itertools.chain([path], (path.with_name(f"{path.name}.{number}") for number in itertools.count(2)))
-    return next(name for name in names if not os.path.lexists(name))

@@ -93,9 +93,9 @@ def export(
     form.check(dataset, options)
     out = plain_path(out)
     check_place(out)
-    listed, recipe = Index(INDEX, partial(_listed, dataset)), f"export of {dataset.plan.recipe}"
+    listed, owner = Index(INDEX, partial(_listed, dataset)), f"export of {dataset.plan.recipe}"
     with host_errors(str(out), _REMEDY):
-        staged = StagedFolder(out, listed, recipe=recipe, replace=replace, notice=notice)
+        staged = StagedFolder(out, listed, owner=owner, replace=replace, notice=notice)
         staged.settle()
         rows = _complete(dataset, out, {**key, **form.table([])})
         if rows is None:
@@ -107,8 +107,8 @@ def export(
                 )
             with staged:
                 try:
-                    rows = _write(staged.dataset, form.files(_sequences(dataset, progress), options))
-                    (staged.dataset / INDEX).write_bytes(canonical_bytes({**key, **form.table(rows)}) + b"\n")
+                    rows = _write(staged.files, form.files(_sequences(dataset, progress), options))
+                    (staged.files / INDEX).write_bytes(canonical_bytes({**key, **form.table(rows)}) + b"\n")
                     staged.publish()
                 except BaseException:
                     staged.remove()

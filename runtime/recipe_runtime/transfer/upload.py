@@ -117,8 +117,8 @@ class Target:
             if self.folder is None:
                 return self._put_remote(body, rows, progress)
             recipe, key = manifest["recipe"], hashlib.sha256(body).hexdigest()
-            with StagedFolder(self.folder, FILES, recipe=recipe, key=key, replace=replace, notice=notice) as staged:
-                copied = self._put_staged(self.folder, staged.dataset, body, rows, progress)
+            with StagedFolder(self.folder, FILES, owner=recipe, key=key, replace=replace, notice=notice) as staged:
+                copied = self._put_staged(self.folder, staged.files, body, rows, progress)
                 staged.publish()
             return copied
 

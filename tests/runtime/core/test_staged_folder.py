@@ -42,16 +42,16 @@ def _rows(folder: Path) -> dict[str, tuple[int, str]] | None:
 INDEX = Index("index.json", _rows)
 
 
-def staged(out: Path, *, recipe: str = "small", key: str = "1", replace: bool = False) -> StagedFolder:
-    return StagedFolder(out, INDEX, recipe=recipe, key=key, replace=replace)
+def staged(out: Path, *, owner: str = "small", key: str = "1", replace: bool = False) -> StagedFolder:
+    return StagedFolder(out, INDEX, owner=owner, key=key, replace=replace)
 
 
 def make(out: Path, files: Mapping[str, bytes] = NEW) -> list[str]:
     """Put a folder at a place; return the notices."""
     notices = list[str]()
     staged(out).settle()
-    with StagedFolder(out, INDEX, recipe="small", key="1", notice=notices.append) as work:
-        write(work.dataset, files)
+    with StagedFolder(out, INDEX, owner="small", key="1", notice=notices.append) as work:
+        write(work.files, files)
         work.publish()
     return notices
 
@@ -166,29 +166,29 @@ def test_a_failed_rename_leaves_the_old_folder(tmp_path: Path, monkeypatch: pyte
 def test_unfinished_work_is_continued_only_with_the_same_key(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with staged(out, key="1") as work:
-        (work.dataset / "a.txt").touch()
+        (work.files / "a.txt").touch()
     with staged(out, key="1") as work:
-        assert work.is_continued() and not is_free(work.dataset)
+        assert work.is_continued() and not is_free(work.files)
     with staged(out, key="2") as work:
-        assert is_free(work.dataset)
-        (work.dataset / "a.txt").touch()
+        assert is_free(work.files)
+        (work.files / "a.txt").touch()
     with staged(out, key="") as work:
-        assert is_free(work.dataset)
+        assert is_free(work.files)
         work.remove()
     assert not list(tmp_path.iterdir())
 
 
 def test_unfinished_work_of_another_recipe_is_kept(tmp_path: Path) -> None:
     with staged(tmp_path / "out") as work:
-        (work.dataset / "a.txt").touch()
+        (work.files / "a.txt").touch()
     with (
         pytest.raises(InputError, match="holds unfinished work of 'small', and this is 'other'"),
-        staged(tmp_path / "out", recipe="other"),
+        staged(tmp_path / "out", owner="other"),
     ):
         raise AssertionError
-    assert (work.dataset / "a.txt").exists()
-    with staged(tmp_path / "out", recipe="other", replace=True):
-        assert is_free(work.dataset)
+    assert (work.files / "a.txt").exists()
+    with staged(tmp_path / "out", owner="other", replace=True):
+        assert is_free(work.files)
 
 
 def test_a_second_process_is_refused(tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ def test_files_of_the_user_in_a_work_folder_stay(tmp_path: Path) -> None:
     notes.unlink()
     with staged(tmp_path / "out") as work:
         notes.write_text("mine")
-        write(work.dataset, NEW)
+        write(work.files, NEW)
         work.publish()
     assert notes.read_text() == "mine" and holds_only(tmp_path / "out", INDEX)
 
