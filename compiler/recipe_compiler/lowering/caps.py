@@ -133,6 +133,7 @@ class Counts:
         if total <= cap.most:
             return
         some = f" in the first {self._number:,} of {count(self._variants, 'variant')}" if self._variants > 1 else ""
+        # The larger factor of the total is at fault: what one variant has, or how many variants there are.
         place = self._root.place_of(*cap.path) if amount > self._variants else place_of_variants(self._root)
         raise TooLargeError(place, [f"{total:,} {cap.what}{some} are over {cap.most:,}"], self._variants)
 
