@@ -1,8 +1,9 @@
-"""Decodes JSON documents from outside in one step into their declared types.
+"""Decodes JSON documents of datasets, traces, journals and exports in one step into their declared types.
 
 Values of other types, out of their ranges or without a required key are refused while they are parsed, so a document
 takes memory in proportion to its bytes. Declared types are TypedDicts, tuples and lists with the annotations below;
-code that has a decoded document checks only what no type says.
+code that has a decoded document checks only what no type says. Recipes, lockfiles and small records of the cache have
+readers of their own.
 """
 
 from __future__ import annotations
