@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from recipe_compiler.carla.report import Outcome, Report, number_text
+from recipe_compiler.carla.report import Report, number_text
 from recipe_compiler.ir.errors import printable
 from recipe_compiler.schema.fields import NAME, NAME_LENGTH
 from recipe_compiler.source.yaml_reader import show
@@ -86,7 +87,7 @@ def text_of(draft: Draft, report: Report) -> str:
 def _comments(data: Mapping[str, Data], report: Report) -> dict[tuple[str, ...], list[str]]:
     """Return the comments of each line, by the path of the value whose line it is."""
     found: dict[tuple[str, ...], dict[str, list[str]]] = {}
-    entries = [(row.to, row.why, 0) for row in report.rows if row.outcome is Outcome.MAPPED and row.to]
+    entries = [(row.to, row.why, 0) for row in report.rows if row.outcome == "mapped" and row.to]
     entries += [(default.to, default.why, int(default.to.count(".") > 1)) for default in report.defaults]
     for to, why, above in entries:  # defaults are noted at the line of the map that holds them
         path = tuple(to.split("."))
@@ -161,13 +162,7 @@ def _quoted(text: str) -> str:
 
 def _wrapped(line: str) -> str:
     """A comment, wrapped at 120 columns."""
-    indent = line[: len(line) - len(line.lstrip())] + "# "
-    words, lines = line.split(), []
-    at = line[: len(line) - len(line.lstrip())] + words[0]
-    for word in words[1:]:
-        if len(at) + 1 + len(word) > 120:
-            lines.append(at)
-            at = indent + " " + word
-        else:
-            at += " " + word
-    return "\n".join([*lines, at])
+    indent = line[: len(line) - len(line.lstrip())]
+    words = " ".join(line.split())
+    wide = textwrap.TextWrapper(120, indent, f"{indent}#  ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join(wide.wrap(words))

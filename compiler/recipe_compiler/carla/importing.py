@@ -12,7 +12,7 @@ from recipe_compiler.carla.draft import Data, Draft, name_for, text_of
 from recipe_compiler.carla.forms import collector, oscar
 from recipe_compiler.carla.forms.specs import Spec, unread_classes
 from recipe_compiler.carla.placement import Site
-from recipe_compiler.carla.report import Default, Node, Report, Row, key_of
+from recipe_compiler.carla.report import Node, Report, Row, key_of
 from recipe_compiler.carla.scene import Scene
 from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form, SettingsReader
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
@@ -267,7 +267,7 @@ class _Import:
         files = tuple(
             PurePath(source.file.path).name for source in [self._source, *(r for r in roots if r is not self._source)]
         )
-        return Report(self.name, files, tuple(notes), tuple(rows), tuple(_unique(self.reader.ledger.defaults)))
+        return Report(self.name, files, tuple(notes), tuple(rows), tuple(self.reader.ledger.defaults))
 
     def _note_rest(self, leaf: Node, references: References, root: Node) -> None:
         """Record the outcome of a scalar that no part of the import has read."""
@@ -290,10 +290,6 @@ class _Import:
 
 def _is_of(row: Row, roots: Sequence[_Source]) -> bool:
     return any(row.place.file == yaml_reader.printable(source.file.path) for source in roots)
-
-
-def _unique(defaults: Iterable[Default]) -> list[Default]:
-    return list(dict.fromkeys(defaults))
 
 
 def _is_oscar(root: Value) -> bool:

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from enum import Enum
-from typing import TypeAlias
+from dataclasses import asdict, dataclass, field
+from typing import Literal, TypeAlias, get_args
 
 from recipe_compiler.ir.errors import Place, printable
 from recipe_compiler.source.yaml_reader import Value, show
 
 Path: TypeAlias = "tuple[str | int, ...]"
+Outcome = Literal["kept", "mapped", "ignored"]
+"""The outcome of a key: the recipe has the same value with the same meaning; another value, or a value with nearly the
+same meaning; or nothing that depends on it."""
 
 _MAX_KEY_LENGTH = 60  # characters of a key in a path
-
-
-class Outcome(str, Enum):
-    """The outcome of a key."""
-
-    KEPT = "kept"  # the recipe has the same value with the same meaning
-    MAPPED = "mapped"  # the recipe has another value, or a value with nearly the same meaning
-    IGNORED = "ignored"  # nothing in the recipe depends on it
-
-    def __str__(self) -> str:
-        return self.value
 
 
 @dataclass(frozen=True)
@@ -136,36 +127,49 @@ def number_text(value: float) -> str:
 
 @dataclass
 class Ledger:
-    """Collects the outcomes of keys; only the first entry of a key is kept."""
+    """Collects the outcomes of keys; only the first entry of a key is kept. Absent keys, None, have no outcome."""
 
     rows: dict[tuple[str, Path], Row] = field(default_factory=dict)
-    defaults: list[Default] = field(default_factory=list)
+    defaults: dict[Default, None] = field(default_factory=dict)
 
-    def kept(self, node: Node, to: str) -> None:
+    def kept(self, node: Node | None, to: str) -> None:
         """Record that the recipe has the same value, with the same meaning, at the path `to`."""
-        self._note(node, Outcome.KEPT, to)
+        self._note(node, "kept", to)
 
-    def mapped(self, node: Node, to: str, value: object, why: str) -> None:
+    def mapped(self, node: Node | None, to: str, value: object, why: str) -> None:
         """Record that the recipe has `value` at the path `to` instead, with the reason."""
-        self._note(node, Outcome.MAPPED, to, written(value), why)
+        self._note(node, "mapped", to, written(value), why)
 
-    def ignored(self, node: Node, why: str) -> None:
+    def ignored(self, node: Node | None, why: str) -> None:
         """Record that nothing in the recipe depends on a value or on the values below it that have no entry yet."""
-        for leaf in node.leaves():
-            self._note(leaf, Outcome.IGNORED, why=why)
+        self._note(node, "ignored", why=why)
 
     def default(self, to: str, value: object, why: str) -> None:
         """Record a value of the recipe that no key sets."""
-        self.defaults.append(Default(to, written(value), why))
+        self.defaults[Default(to, written(value), why)] = None
+
+    def record(self, node: Node | None, to: str, value: object, why: str, absent: str = "") -> None:
+        """Record a value of the recipe: kept if `why` is empty, else mapped; without a key a default, why `absent`."""
+        if node is None:
+            if absent:
+                self.default(to, value, absent)
+        elif why:
+            self.mapped(node, to, value, why)
+        else:
+            self.kept(node, to)
 
     def has(self, node: Node) -> bool:
         """Return whether a key has an entry."""
         return (node.place.file, node.path) in self.rows
 
-    def _note(self, node: Node, outcome: Outcome, to: str = "", value: str = "", why: str = "") -> None:
-        shown = show(node.value.plain)
-        row = Row(node.place, node.key, shown, outcome, to, "" if value == shown else value, why)
-        self.rows.setdefault((node.place.file, node.path), row)
+    def _note(self, node: Node | None, outcome: Outcome, to: str = "", value: str = "", why: str = "") -> None:
+        if node is None:
+            return
+        is_spread = outcome == "ignored" or isinstance(node.value.data, tuple)  # a range: a row for each of its ends
+        for leaf in node.leaves() if is_spread else (node,):
+            shown = show(leaf.value.plain)
+            row = Row(leaf.place, leaf.key, shown, outcome, to, "" if value == shown else value, why)
+            self.rows.setdefault((leaf.place.file, leaf.path), row)
 
 
 @dataclass(frozen=True)
@@ -180,7 +184,7 @@ class Report:
 
     def counts(self) -> dict[str, int]:
         """The number of keys by outcome."""
-        return {str(each): sum(row.outcome is each for row in self.rows) for each in Outcome}
+        return {each: sum(row.outcome == each for row in self.rows) for each in get_args(Outcome)}
 
     def lines(self) -> Iterator[str]:
         """The report as text."""
@@ -191,7 +195,7 @@ class Report:
             value = f" = {row.written}" if row.written else ""
             why = f" ({row.why})" if row.why else ""
             where = f"{row.place.file}:{row.place.line}"
-            yield f"{row.outcome.value:<8} {where}: {row.key}: {row.value}{arrow}{value}{why}"
+            yield f"{row.outcome:<8} {where}: {row.key}: {row.value}{arrow}{value}{why}"
         for default in self.defaults:
             yield f"default  {default.to} = {default.written} ({default.why})"
 
@@ -203,17 +207,9 @@ class Report:
             "counts": self.counts(),
             "notes": list(self.notes),
             "keys": [
-                {
-                    "file": row.place.file,
-                    "line": row.place.line,
-                    "key": row.key,
-                    "value": row.value,
-                    "outcome": str(row.outcome),
-                    "to": row.to or None,
-                    "written": row.written or None,
-                    "why": row.why or None,
-                }
+                {"file": row.place.file, "line": row.place.line}
+                | {name: getattr(row, name) or None for name in ("key", "value", "outcome", "to", "written", "why")}
                 for row in self.rows
             ],
-            "defaults": [{"to": d.to, "written": d.written, "why": d.why} for d in self.defaults],
+            "defaults": [asdict(default) for default in self.defaults],
         }
