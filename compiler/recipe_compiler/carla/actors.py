@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from dataclasses import replace
 
 from recipe_compiler.carla.catalogue import blueprints
 from recipe_compiler.carla.draft import Data, name_for
 from recipe_compiler.carla.forms.oscar import class_of
-from recipe_compiler.carla.forms.specs import ANGLES, Spec, Transform
-from recipe_compiler.carla.handedness import Pose, board_pose, normalize_range
+from recipe_compiler.carla.forms.specs import ANGLES, AXES, Spec, Transform
+from recipe_compiler.carla.handedness import Pose, board_pose
 from recipe_compiler.carla.report import Node
 from recipe_compiler.carla.scene import ACTORS, Scene
 from recipe_compiler.ir.errors import Code
 from recipe_compiler.schema.fields import MAX_SEED, TRAFFIC_LIMIT
 from recipe_compiler.source.yaml_reader import show
 
-_SIGN_CHANGED = "sign changed"
-_GROUND = "actors stand on the ground"
 _NO_ATTRIBUTE = {
     "is_invincible": "actors are never injured",
     "sticky_control": "vehicles drive themselves",
@@ -24,6 +24,10 @@ _NO_ATTRIBUTE = {
     "speed": "the speed of the entry is used instead",
     "can_use_wheelchair": "no wheelchairs",
     "use_wheelchair": "no wheelchairs",
+}
+_NO_TEXTURE = {
+    "texture": "an image file: copy it into the recipe's folder and name it as `texture` of the patch, in another mode",
+    "texture_roi": "part of the texture",
 }
 _MAX_SPEED = 60.0  # m/s, the limit of the language
 
@@ -48,126 +52,92 @@ def _write_actor(scene: Scene, spec: Spec) -> None:
         return
     blueprint, why = found
     scene.draft.set(f"{to}.blueprint", blueprint)
-    if spec.name_node is None:
-        ledger.default(f"{to}.blueprint", blueprint, "no blueprint is given: any of this kind")
-    elif why or blueprint != spec.name_node.value.data:
-        ledger.mapped(spec.name_node, f"{to}.blueprint", blueprint, why or f"the name with the prefix {spec.kind}")
-    else:
-        ledger.kept(spec.name_node, f"{to}.blueprint")
+    if spec.name_node is not None and blueprint != spec.name_node.value.data:
+        why = why or f"the name with the prefix {spec.kind}"
+    absent = "no blueprint is given: any of this kind"
+    ledger.record(spec.name_node, f"{to}.blueprint", blueprint, why, absent)
     _write_speed(scene, spec, to)
     if spec.transform is not None:
-        _write_start(scene, spec, spec.transform, to)
+        _write_start(scene, spec, spec.transform, f"{to}.start")
     if spec.goal is not None:
-        _write_goal(scene, spec, spec.goal, to)
+        _write_goal(scene, spec, spec.goal, f"{to}.goal")
     _write_look(scene, spec, to)
-    for node, reason in (
-        (spec.jitter, "only sensors are shaken"),
-        (spec.attachment, "only sensors are attached"),
-    ):
-        if node is not None:
-            ledger.ignored(node, reason)
+    ledger.ignored(spec.jitter, "only sensors are shaken")
+    ledger.ignored(spec.attachment, "only sensors are attached")
 
 
 def _write_speed(scene: Scene, spec: Spec, to: str) -> None:
+    ledger, speed, why = scene.reader.ledger, 0.0, ""
     if spec.stands:
-        scene.draft.set(f"{to}.speed", 0)
         why = "no controller is attached: it does not move, as in OSCAR"
-        if spec.speed is None:
-            scene.reader.ledger.default(f"{to}.speed", 0, why)
-        else:
-            scene.reader.ledger.mapped(spec.speed, f"{to}.speed", 0, why)
-    elif spec.speed is not None and spec.kind == "vehicle":
-        scene.reader.ledger.ignored(spec.speed, "the collector ignores the speed of vehicles, which follow traffic")
-    elif spec.speed is not None:
-        speed = scene.reader.number(spec.speed, 0.0, _MAX_SPEED)
-        if speed is not None:
-            scene.draft.set(f"{to}.speed", speed)
-            scene.reader.ledger.kept(spec.speed, f"{to}.speed")
+    elif spec.kind == "vehicle":
+        ledger.ignored(spec.speed, "the collector ignores the speed of vehicles, which follow traffic")
+        return
+    else:
+        given = scene.reader.number(spec.speed, 0.0, _MAX_SPEED)
+        if given is None:
+            return
+        speed = given
+    scene.draft.set(f"{to}.speed", speed)
+    ledger.record(spec.speed, f"{to}.speed", speed, why, why)
 
 
 def _write_start(scene: Scene, spec: Spec, transform: Transform, to: str) -> None:
-    pose = scene.world(transform.pose)
-    x, y = _free(scene, spec, (pose.x, pose.y), f"{to}.start")
-    start: dict[str, Data] = {"x": round(x, 6), "y": round(y, 6), "yaw": round(pose.yaw, 6)}
-    scene.draft.set(f"{to}.start", start)
-    numbers = transform.numbers
-    _note_position(scene, transform, f"{to}.start", (x, y))
-    yaw = numbers["yaw"]
-    if yaw.node is None:
-        scene.reader.ledger.default(f"{to}.start.yaw", pose.yaw, "CARLA's default rotation")
-    scene.draw(yaw, f"actors.{scene.name(spec)}.start.yaw", *normalize_range(-yaw.high, -yaw.low))
-    scene.note_number(yaw, f"{to}.start.yaw", pose.yaw, _SIGN_CHANGED)
-    for axis in ("z", "roll", "pitch"):
-        node = numbers[axis].node
-        if node is not None:
-            scene.reader.ledger.ignored(node, _GROUND if axis == "z" else "actors start upright")
+    pose = _free(scene, spec, transform, to)
+    scene.draft.set(to, {axis: round(getattr(pose, axis), 6) for axis in ("x", "y", "yaw")})
+    scene.note(transform, to, pose, ("x", "y", "yaw"), scene.shift)
+    if transform.numbers["yaw"].node is None:
+        scene.reader.ledger.default(f"{to}.yaw", pose.yaw, "CARLA's default rotation")
+    scene.reader.ledger.ignored(transform.numbers["z"].node, "actors stand on the ground")
+    for axis in ("roll", "pitch"):
+        scene.reader.ledger.ignored(transform.numbers[axis].node, "actors start upright")
 
 
 def _write_goal(scene: Scene, spec: Spec, goal: Transform, to: str) -> None:
     if spec.kind == "vehicle":
-        if goal.node is not None:
-            scene.reader.ledger.ignored(
-                goal.node, "the collector sends only walkers to a destination; vehicles follow traffic"
-            )
+        why = "the collector sends only walkers to a destination; vehicles follow traffic"
+        scene.reader.ledger.ignored(goal.node, why)
         return
-    pose = scene.world(goal.pose)
-    at = _free(scene, spec, (pose.x, pose.y), f"{to}.goal")
-    scene.draft.set(f"{to}.goal", {"x": round(at[0], 6), "y": round(at[1], 6)})
-    _note_position(scene, goal, f"{to}.goal", at)
+    pose = _free(scene, spec, goal, to)
+    scene.draft.set(to, {axis: round(getattr(pose, axis), 6) for axis in ("x", "y")})
+    scene.note(goal, to, pose, ("x", "y"), scene.shift)
     for axis in ("z", *ANGLES):
-        node = goal.numbers[axis].node
-        if node is not None:
-            scene.reader.ledger.ignored(node, "a goal is a position on the ground")
+        scene.reader.ledger.ignored(goal.numbers[axis].node, "a goal is a position on the ground")
 
 
-def _note_position(scene: Scene, transform: Transform, to: str, at: tuple[float, float]) -> None:
-    """Record the outcome of x and y of a world position; write draws for ranges."""
-    dx, dy = scene.vector
-    below = to.removeprefix("base.")
-    x, y = transform.numbers["x"], transform.numbers["y"]
-    scene.draw(x, f"{below}.x", x.low + dx, x.high + dx)
-    scene.draw(y, f"{below}.y", dy - y.high, dy - y.low)
-    scene.note_number(x, f"{to}.x", at[0], f"moved by {dx:g}")
-    scene.note_number(y, f"{to}.y", at[1], f"{_SIGN_CHANGED}, moved by {dy:g}")
-
-
-def _free(scene: Scene, spec: Spec, at: tuple[float, float], to: str) -> tuple[float, float]:
-    """Return a position, or the nearest free one if it is occupied, which is reported."""
-    free = scene.site.free(*at, vehicle=spec.kind == "vehicle")
-    if free != at:
-        why = f"x {at[0]:g}, y {at[1]:g} is inside an obstacle of this town: moved to the nearest free position"
-        scene.reader.ledger.default(to, {"x": free[0], "y": free[1]}, why)
-    return free
+def _free(scene: Scene, spec: Spec, transform: Transform, to: str) -> Pose:
+    """Return the pose of a transform in the town, at the nearest free position if its own is occupied."""
+    pose = scene.world(transform.pose)
+    x, y = scene.site.free(pose.x, pose.y, vehicle=spec.kind == "vehicle")
+    if (x, y) != (pose.x, pose.y):
+        why = f"x {pose.x:g}, y {pose.y:g} is inside an obstacle of this town: moved to the nearest free position"
+        scene.reader.ledger.default(to, {"x": x, "y": y}, why)
+    return replace(pose, x=x, y=y)
 
 
 def _write_look(scene: Scene, spec: Spec, to: str) -> None:
     for name, node in spec.attributes.items():
         if name == "role_name":
             continue
-        text = (
-            scene.reader.text(node)
-            if name == "color" and spec.kind == "vehicle" and node.value.data is not None
-            else None
-        )
-        colour = _colour(text)
-        if colour is not None:
-            scene.draft.set(f"{to}.look", {"paint": colour})
-            scene.reader.ledger.mapped(node, f"{to}.look.paint", colour, "red, green, blue as hexadecimal digits")
-        elif text is not None and "{" not in text:
-            scene.reader.reject(node, f"{show(text)} is not a colour", 'write red, green, blue, such as "255,0,0"')
-        else:
-            why = _NO_ATTRIBUTE.get(
-                name, "not an attribute of actors in recipes" if text is None else "a random colour, the default"
-            )
-            scene.reader.ledger.ignored(node, why)
+        why = _NO_ATTRIBUTE.get(name, "not an attribute of actors in recipes")
+        if name == "color" and spec.kind == "vehicle" and node.value.data is not None:
+            text = scene.reader.text(node) or "{}"
+            if colour := _colour(text):
+                scene.draft.set(f"{to}.look", {"paint": colour})
+                scene.reader.ledger.mapped(node, f"{to}.look.paint", colour, "red, green, blue as hexadecimal digits")
+                continue
+            if "{" not in text:
+                scene.reader.reject(node, f"{show(text)} is not a colour", 'write red, green, blue, such as "255,0,0"')
+            why = "a random colour, the default"
+        scene.reader.ledger.ignored(node, why)
 
 
-def _colour(text: str | None) -> str | None:
-    """Return `"255,0,0"` as `#ff0000`; None for other forms."""
-    match = re.fullmatch(r"\s*(\d{1,3})\s*,\s*(\d{1,3})\s*,\s*(\d{1,3})\s*", text or "")
-    if match is None or any(int(part) > 255 for part in match.groups()):
-        return None
-    return "#" + "".join(f"{int(part):02x}" for part in match.groups())
+def _colour(text: str) -> str:
+    """Return `"255,0,0"` as `#ff0000`; empty for other forms."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 3 or not all(re.fullmatch("[0-9]{1,3}", part) and int(part) < 256 for part in parts):
+        return ""
+    return "#" + "".join(f"{int(part):02x}" for part in parts)
 
 
 def _write_patch(scene: Scene, spec: Spec) -> None:
@@ -182,58 +152,47 @@ def _write_patch(scene: Scene, spec: Spec) -> None:
         node = spec.attributes.get(key)
         if node is None:
             reader.reject(spec.node, f"the patch has no {key}", f"write its {key} in metres", Code.MISSING_KEY)
-        value = reader.number(node, 0.01, 100.0)
-        size[key] = value or 1.0
-        if node is not None:
-            ledger.kept(node, f"{to}.on.size.{key}")
-    transform = spec.transform
-    pose = board_pose(scene.world(transform.pose if transform is not None else Pose()), size["height"])
-    at = {axis: round(getattr(pose, axis), 6) for axis in ("x", "y", "z", "yaw", "pitch", "roll")}
+        size[key] = reader.number(node, 0.01, 100.0) or 1.0
+        ledger.kept(node, f"{to}.on.size.{key}")
+    if spec.transform is None:
+        reader.reject(spec.node, "the patch has no transform", "write where it is", Code.MISSING_KEY)
+        return
+    pose = board_pose(scene.world(spec.transform.pose), size["height"])
+    at = {axis: round(getattr(pose, axis), 6) for axis in AXES}
     scene.draft.set(to, {"on": {"board": at, "size": size}, "mode": "green"})
     ledger.default(f"{to}.mode", "green", "a green screen, as OSCAR's patches without texture")
     why = "right-handed and moved: the pose of a board, whose origin is the middle of its lower edge"
-    if transform is None:
-        reader.reject(spec.node, "the patch has no transform", "write where it is", Code.MISSING_KEY)
-        return
-    for axis, number in transform.numbers.items():
-        for leaf in number.node.leaves() if number.node is not None else ():
-            ledger.mapped(leaf, f"{to}.on.board.{axis}", at[axis], why)
-    for key, reason in (
-        (
-            "texture",
-            "an image file: copy it into the recipe's folder and name it as `texture` of the patch, in another mode",
-        ),
-        ("texture_roi", "part of the texture"),
-    ):
-        node = spec.attributes.get(key)
-        if node is not None:
-            ledger.ignored(node, reason)
+    for axis, number in spec.transform.numbers.items():
+        ledger.mapped(number.node, f"{to}.on.board.{axis}", at[axis], why)
+    for key, why in _NO_TEXTURE.items():
+        ledger.ignored(spec.attributes.get(key), why)
 
 
 def write_crowds(scene: Scene) -> None:
     """Write actor generators as traffic; the sensors of the scene must have names already."""
     traffic: dict[str, Data] = {}
-    totals = {"vehicles": 0, "pedestrians": 0}
+    totals: Counter[str] = Counter()
     counted: list[tuple[str, Node]] = []
+    reader = scene.reader
     for spec in scene.of_kind("generator"):
         class_node, node = spec.node.get("_actor_"), spec.attributes.get("count")
         key = {"Vehicle": "vehicles", "Walker": "pedestrians"}.get(class_of(spec.node, "_actor_"))
         if key is None or class_node is None:
             message = "an ActorsGenerator has an `_actor_`, Walker or Vehicle"
-            scene.reader.reject(class_node or spec.node, message, "write the class of the actors", Code.UNKNOWN_NAME)
+            reader.reject(class_node or spec.node, message, "write the class of the actors", Code.UNKNOWN_NAME)
             continue
         if node is None:
-            scene.reader.reject(spec.node, "the generator has no count", "write how many actors", Code.MISSING_KEY)
+            reader.reject(spec.node, "the generator has no count", "write how many actors", Code.MISSING_KEY)
             continue
-        totals[key] += scene.reader.integer(node, 0, TRAFFIC_LIMIT) or 0
+        totals[key] += reader.integer(node, 0, TRAFFIC_LIMIT) or 0
         if totals[key] > TRAFFIC_LIMIT:
             message, remedy = f"{totals[key]} generated actors", f"keep at most {TRAFFIC_LIMIT} of a kind"
-            scene.reader.reject(node, message, remedy, Code.OUT_OF_RANGE)
+            reader.reject(node, message, remedy, Code.OUT_OF_RANGE)
         traffic[key] = totals[key]
         counted += [(key, node), (key, class_node)]
         _add_options(scene, spec, traffic)
     for key, node in counted:
-        scene.reader.ledger.mapped(node, f"base.traffic.{key}", totals[key], "random actors of the traffic model")
+        reader.ledger.mapped(node, f"base.traffic.{key}", totals[key], "random actors of the traffic model")
     if traffic:
         scene.draft.set("base.traffic", traffic)
 

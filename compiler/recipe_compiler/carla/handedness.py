@@ -14,6 +14,9 @@ from recipe_compiler.ir import exact
 
 Rows = tuple[tuple[float, float, float], ...]
 
+MIRRORED = ("y", "yaw", "pitch")
+"""The numbers of a pose that change sign."""
+
 WALKER_ORIGIN = 0.93
 """Height in metres of the origin of CARLA's walkers, the middle of the body, above their feet, the recipes' origin."""
 

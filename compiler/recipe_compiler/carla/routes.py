@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from recipe_compiler.carla.draft import Data
-from recipe_compiler.carla.forms.specs import ANGLES, POSITION, Spec
+from recipe_compiler.carla.forms.specs import ANGLES, Spec, Transform
 from recipe_compiler.carla.handedness import Pose
 from recipe_compiler.carla.report import Node
 from recipe_compiler.carla.scene import Scene
@@ -24,56 +24,41 @@ def write(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
     ledger, options = scene.reader.ledger, spec.route
     if not scene.follows_road(spec):
         for node in (options, None if spec.goal is None else spec.goal.node):
-            if node is not None:
-                ledger.ignored(node, "this sensor is attached to an actor, so it does not follow a road")
+            ledger.ignored(node, "this sensor is attached to an actor, so it does not follow a road")
         return {}
     fps = scene.settings.fps
     node = options.get("sampling_resolution")
     resolution = scene.reader.number(node, 0.01, _MAX_SPEED / fps)
     speed = round((_RESOLUTION if resolution is None else resolution) * fps, 6)
     why = f"one waypoint at every picture, at {fps} frames per second"
-    if node is None:
-        ledger.default(f"{to}.motion.route.speed", speed, f"a waypoint every {_RESOLUTION:g} metres is OSCAR's default")
-    else:
-        ledger.mapped(node, f"{to}.motion.route.speed", speed, why)
-    for child in options.children():
-        if child.path[-1] in ("lane_type", "num_waypoints"):
-            ledger.ignored(child, "the route is along driving lanes, with random turns by seed and name")
-    if spec.goal is not None:
-        _note_goal(scene, spec, to)
+    absent = f"a waypoint every {_RESOLUTION:g} metres is OSCAR's default"
+    ledger.record(node, f"{to}.motion.route.speed", speed, why, absent)
+    for key in ("lane_type", "num_waypoints"):
+        ledger.ignored(options.get(key), "the route is along driving lanes, with random turns by seed and name")
+    goal = spec.goal or Transform(options, {})
+    for axis, number in goal.numbers.items():
+        if axis in ("pitch", "roll"):
+            value = getattr(goal.pose, axis)
+            ledger.mapped(number.node, f"{to}.mount.{axis}", value, "the controller's angle, right-handed")
+        elif axis == "yaw":
+            ledger.ignored(number.node, "the sensor looks along the road")
+        else:
+            ledger.ignored(number.node, "the route continues along the road without an end")
     return {"route": {"road": True, "speed": min(speed, _MAX_SPEED)}}
-
-
-def _note_goal(scene: Scene, spec: Spec, to: str) -> None:
-    assert spec.goal is not None
-    for axis, number in spec.goal.numbers.items():
-        for leaf in number.node.leaves() if number.node is not None else ():
-            if axis in ("pitch", "roll"):
-                value = getattr(spec.goal.pose, axis)
-                scene.reader.ledger.mapped(leaf, f"{to}.mount.{axis}", value, "the controller's angle, right-handed")
-            elif axis == "yaw":
-                scene.reader.ledger.ignored(leaf, "the sensor looks along the road")
-            else:
-                scene.reader.ledger.ignored(leaf, "the route continues along the road without an end")
 
 
 def note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
     """Record the outcome of the transform of a sensor that follows a road."""
-    elevation = elevation_of(spec)
-    if elevation is not None:
-        scene.reader.ledger.kept(elevation, f"{to}.z")
-    if spec.transform is None:
-        return
-    for axis, number in spec.transform.numbers.items():
-        for leaf in number.node.leaves() if number.node is not None else ():
-            if axis in ANGLES:
-                scene.reader.ledger.ignored(leaf, "OSCAR replaces it with the direction of the road")
-            elif axis == "z" and elevation is not None:
-                scene.reader.ledger.ignored(leaf, "the elevation of the controller replaces it")
-            else:
-                assert axis in POSITION
-                why = "the nearest spawn point on a lane, after the shift" if axis != "z" else "the height of the route"
-                scene.reader.ledger.mapped(leaf, f"{to}.{axis}", round(getattr(pose, axis), 6), why)
+    ledger, elevation = scene.reader.ledger, elevation_of(spec)
+    ledger.kept(elevation, f"{to}.z")
+    for axis, number in spec.transform.numbers.items() if spec.transform is not None else ():
+        if axis in ANGLES:
+            ledger.ignored(number.node, "OSCAR replaces it with the direction of the road")
+        elif axis == "z" and elevation is not None:
+            ledger.ignored(number.node, "the elevation of the controller replaces it")
+        else:
+            why = "the nearest spawn point on a lane, after the shift" if axis != "z" else "the height of the route"
+            ledger.mapped(number.node, f"{to}.{axis}", getattr(pose, axis), why)
 
 
 def elevation_of(spec: Spec) -> Node | None:

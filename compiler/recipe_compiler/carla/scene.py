@@ -7,19 +7,17 @@ from dataclasses import dataclass, field
 
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Draft, name_for
-from recipe_compiler.carla.forms.specs import Number, Spec
-from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose, normalize_angle
+from recipe_compiler.carla.forms.specs import ANGLES, Number, Spec, Transform
+from recipe_compiler.carla.handedness import MIRRORED, WALKER_ORIGIN, Pose, normalize_angle, normalize_range
 from recipe_compiler.carla.placement import XY, Point, Site
-from recipe_compiler.carla.report import Path
+from recipe_compiler.carla.report import Node, Path
 from recipe_compiler.carla.settings import Settings
 from recipe_compiler.ir.errors import Code
-from recipe_compiler.ir.patches import MAX_PATCHES
-from recipe_compiler.ir.plurals import count
-from recipe_compiler.lowering.placement import BASE_NUMBERS
 from recipe_compiler.source.yaml_reader import show
 
-MAX_SENSORS = 200
-MAX_GENERATORS = 100
+_MAX_ENTRIES = 300
+_MAX_CHAIN = 32  # sensors that are attached to one another
+SIGN_CHANGED = "sign changed"
 ACTORS = ("walker", "vehicle")
 
 
@@ -63,11 +61,19 @@ class Scene:
 
     def prepare(self) -> None:
         """Name the entries, resolve attachments and choose the shift; or report a problem if there are too many."""
-        if self._has_too_many():
+        if len(self.specs) > _MAX_ENTRIES:
+            remedy = f"keep at most {_MAX_ENTRIES}, or write an ActorsGenerator for crowds"
+            first = self.specs[_MAX_ENTRIES].node
+            self.reader.reject(first, f"{len(self.specs)} entries", remedy, Code.INPUT_LIMIT)
             return
         self._name_actors()
         self._attach()
         self.vector = self.site.shift(self._points())
+
+    @property
+    def shift(self) -> dict[str, float]:
+        """The shift of world positions by axis."""
+        return {"x": self.vector[0], "y": self.vector[1]}
 
     def world(self, pose: Pose) -> Pose:
         """A pose of the world frame, moved to its place in the town."""
@@ -115,24 +121,55 @@ class Scene:
             parent = self.parent(parent)
         return parent
 
-    def note_number(self, number: Number, to: str, value: float, why: str) -> None:
-        """Record the outcome of a number of a transform; does nothing for a default."""
+    def note(self, transform: Transform, to: str, pose: Pose, axes: Sequence[str], moved: Mapping[str, float]) -> None:
+        """Record the outcome of numbers of a transform, and write draws for those that are ranges.
+
+        Args:
+            transform: the transform.
+            to: the path of the pose in the recipe.
+            pose: the pose in the recipe.
+            axes: the numbers.
+            moved: what is added to numbers after the change of signs, metres.
+        """
+        for axis in axes:
+            number, offset = transform.numbers[axis], moved.get(axis, 0.0)
+            words = [SIGN_CHANGED] if axis in MIRRORED else []
+            if axis == "z":
+                words.append(f"from the feet, which are {offset:g} m below the origin of CARLA's walkers")
+            elif axis == "roll":
+                words.append("the same angle, from -180 to 180 degrees")
+            elif axis in moved:
+                words.append(f"moved by {offset:g}")
+            low, high = number.low + offset, number.high + offset
+            if axis in MIRRORED:
+                low, high = offset - number.high, offset - number.low
+            span = normalize_range(low, high) if axis in ANGLES else (low, high)
+            self.note_number(number, f"{to}.{axis}", getattr(pose, axis), ", ".join(words), span)
+
+    def note_number(self, number: Number, to: str, value: float, why: str, span: XY | None = None) -> None:
+        """Record the outcome of a number; if it is a range, write a draw from `span`, the range in the recipe."""
         if number.node is None:
             return
-        if number.low == number.high == value and not isinstance(number.node.value.data, tuple):
+        if number.low != number.high and span is not None:
+            path, drawn = to.removeprefix("base."), [round(span[0], 6), round(span[1], 6)]
+            self.draft.draws[path] = {"uniform": drawn}
+            why = "drawn uniformly from this range"
+            self.reader.ledger.mapped(number.node, f"sweep.draw.values.{path}", drawn, why)
+        elif number.low == number.high == value and not isinstance(number.node.value.data, tuple):
             self.reader.ledger.kept(number.node, to)
-            return
-        for leaf in number.node.leaves():
-            self.reader.ledger.mapped(leaf, to, round(value, 6), why)
+        else:
+            self.reader.ledger.mapped(number.node, to, value, why)
 
-    def draw(self, number: Number, path: str, low: float, high: float) -> None:
-        """Write a draw for a number that is a range; `path` is below `base`."""
-        if number.low == number.high or number.node is None:
-            return
-        span = [round(low, 6), round(high, 6)]
-        self.draft.draws[path] = {"uniform": span}
-        for leaf in number.node.leaves():
-            self.reader.ledger.mapped(leaf, f"sweep.draw.values.{path}", span, "drawn uniformly from this range")
+    def give_name(self, specs: Sequence[Spec], taken: list[str], fallback: str, to: str, why: str) -> str:
+        """Return a free name for entries: the first role name, or else the first name, of them."""
+        roles = [(role, self.reader.text(role)) for spec in specs if (role := spec.attributes.get("role_name"))]
+        texts = [*(text for _, text in roles), *(spec.wanted_name for spec in specs)]
+        name = name_for(next(filter(None, texts), fallback), taken, fallback)
+        taken.append(name)
+        self.names |= {id(spec): name for spec in specs}
+        for role, text in roles:
+            self.reader.ledger.record(role, f"{to}.{name}", name, "" if text == name else why)
+        return name
 
     def _name_actors(self) -> None:
         """Name walkers and vehicles after their role names, or else by kind and number."""
@@ -140,77 +177,50 @@ class Scene:
         numbers = dict.fromkeys(ACTORS, 0)
         for spec in self.of_kind(*ACTORS):
             numbers[spec.kind] += 1
-            role = spec.attributes.get("role_name")
-            text = self.reader.text(role)
-            wanted = text or spec.wanted_name or f"{spec.kind}{numbers[spec.kind]}"
-            name = name_for(wanted, taken, f"{spec.kind}{numbers[spec.kind]}")
-            taken.append(name)
-            self.names[id(spec)] = name
-            if role is not None and name == text:
-                self.reader.ledger.kept(role, f"base.actors.{name}")
-            elif role is not None:
-                why = "names are unique and consist of letters, digits, _ and -"
-                self.reader.ledger.mapped(role, f"base.actors.{name}", name, why)
-
-    def _has_too_many(self) -> bool:
-        """Report the first entry beyond each limit; return whether there is one."""
-        limits = (
-            (ACTORS, BASE_NUMBERS[1], "actor", "actors", "write an ActorsGenerator for crowds"),
-            (("sensor",), MAX_SENSORS, "sensor", "sensors", "split the configuration"),
-            (("patch",), MAX_PATCHES, "patch", "patches", "split the configuration"),
-            (("generator",), MAX_GENERATORS, "ActorsGenerator", "ActorsGenerators", "give one a larger count"),
-        )
-        over = False
-        for kinds, most, what, plural, otherwise in limits:
-            found = self.of_kind(*kinds)
-            if len(found) > most:
-                message = count(len(found), what, plural)
-                self.reader.reject(found[most].node, message, f"keep at most {most}, or {otherwise}", Code.INPUT_LIMIT)
-                over = True
-        return over
+            why = "names are unique and consist of letters, digits, _ and -"
+            self.give_name([spec], taken, f"{spec.kind}{numbers[spec.kind]}", "base.actors", why)
 
     def _attach(self) -> None:
         """Find the parent of each sensor: the entry that contains it, or the one with the role name in `attach_to`."""
+        ledger = self.reader.ledger
         roles: dict[str, Spec] = {}
         for spec in self.specs:
-            role = spec.attributes.get("role_name")
-            if role is not None:
+            if (role := spec.attributes.get("role_name")) is not None:
                 roles.setdefault(str(role.value.data), spec)
         for spec in self.specs:
             parent = spec.container
-            if spec.role is not None and parent is not None:
-                self.reader.ledger.ignored(spec.role, f"it is nested in {parent.node.key}, to which it is attached")
+            if parent is not None:
+                ledger.ignored(spec.role, f"it is nested in {parent.node.key}, to which it is attached")
             elif spec.role is not None:
-                parent = self._with_role(spec, roles)
+                parent = self._with_role(spec.role, roles)
+                if spec.kind != "sensor" and parent is not None:
+                    ledger.ignored(spec.role, "only sensors can be attached to an actor")
             if spec.kind == "sensor" and parent is not None:
                 self.parents[id(spec)] = parent
-            elif parent is not None and spec.role is not None and spec.container is None:
-                self.reader.ledger.ignored(spec.role, "only sensors can be attached to an actor")
         for spec in self.of_kind("sensor"):
-            self._check_circle(spec)
+            self._check_chain(spec)
         for spec in self.of_kind("sensor"):
             self._copy_motion_of_parent(spec)
 
-    def _with_role(self, spec: Spec, roles: Mapping[str, Spec]) -> Spec | None:
-        assert spec.role is not None
-        role = self.reader.text(spec.role)
+    def _with_role(self, node: Node, roles: Mapping[str, Spec]) -> Spec | None:
+        role = self.reader.text(node)
         found = roles.get(role or "")
         if role is not None and found is None:
-            known = (
-                f"write one of {', '.join(map(show, list(roles)[:20]))}" if roles else "give an actor this role_name"
-            )
-            message = f"no entry has the role_name {show(role)}; the collector would wait for it forever"
-            self.reader.reject(spec.role, message.replace("; ", ": "), known, Code.UNKNOWN_NAME)
+            known = [show(each) for each in roles][:20]
+            remedy = f"write one of {', '.join(known)}" if known else "give an actor this role_name"
+            message = f"no entry has the role_name {show(role)}: the collector would wait for it forever"
+            self.reader.reject(node, message, remedy, Code.UNKNOWN_NAME)
         return found
 
-    def _check_circle(self, spec: Spec) -> None:
-        seen: list[Spec] = [spec]
-        while (parent := self.parent(seen[-1])) is not None:
-            if any(parent is each for each in seen):
-                del self.parents[id(spec)]
-                self.reader.reject(spec.role or spec.node, "it is attached to itself", "attach it to an actor")
-                return
-            seen.append(parent)
+    def _check_chain(self, spec: Spec) -> None:
+        """Report a sensor that is attached to itself, or through so many sensors that its pose takes too long."""
+        last: Spec | None = spec
+        for _ in range(_MAX_CHAIN):
+            last = None if last is None else self.parent(last)
+        if last is not None:
+            del self.parents[id(spec)]
+            message = f"it is attached to itself, or through more than {_MAX_CHAIN} sensors"
+            self.reader.reject(spec.role or spec.node, message, "attach it to an actor")
 
     def _copy_motion_of_parent(self, spec: Spec) -> None:
         """Give a sensor that is attached to a moving sensor, without an offset, the same pose and motion."""
@@ -227,34 +237,23 @@ class Scene:
             remedy = "attach it to an actor, or give it the pose and motion of that sensor"
             self.reader.reject(spec.node, message, remedy)
             return
-        for leaf in spec.transform.node.leaves() if spec.transform is not None and spec.transform.node else ():
+        leaves = [] if spec.transform is None else list(spec.transform.node.leaves())
+        for leaf in [*leaves, spec.role]:
             self.reader.ledger.mapped(leaf, "", f"the pose of {parent.node.key}", "it is attached to that sensor")
-        if spec.role is not None:
-            self.reader.ledger.mapped(spec.role, "", f"the pose of {parent.node.key}", "it is attached to that sensor")
         spec.role, spec.transform, spec.goal, spec.speed = None, parent.transform, parent.goal, parent.speed
         spec.jitter, spec.route, spec.attachment = parent.jitter, parent.route, parent.attachment
-        grandparent = self.parent(parent)
-        if grandparent is None:
-            del self.parents[id(spec)]
-        else:
+        del self.parents[id(spec)]
+        if (grandparent := self.parent(parent)) is not None:
             self.parents[id(spec)] = grandparent
 
     def _points(self) -> list[Point]:
         """Return the world positions of the configuration before the shift."""
         points = []
         for spec in self.specs:
-            if spec.kind == "walker" and spec.transform is None and spec.goal is not None:
-                points.append(Point("walker", spec.goal.pose.x, spec.goal.pose.y))
-            if spec.transform is None or spec.kind == "generator":
+            start = spec.transform or (spec.goal if spec.kind == "walker" else None)
+            if start is None or self.parent(spec) is not None or spec.kind not in ("walker", "vehicle", "sensor"):
                 continue
-            pose = spec.transform.pose
-            if spec.kind == "walker":
-                goal = None if spec.goal is None else (spec.goal.pose.x, spec.goal.pose.y)
-                points.append(Point("walker", pose.x, pose.y, goal=goal))
-            elif spec.kind == "vehicle":
-                points.append(Point("vehicle", pose.x, pose.y, yaw=pose.yaw))
-            elif spec.kind == "sensor" and self.parent(spec) is None:
-                moves = spec.goal is not None and spec.route is None
-                goal = (spec.goal.pose.x, spec.goal.pose.y) if spec.goal is not None and moves else None
-                points.append(Point("sensor", pose.x, pose.y, pose.z, goal=goal))
+            goal = spec.goal if spec.transform is not None and spec.kind != "vehicle" and spec.route is None else None
+            to = None if goal is None else (goal.pose.x, goal.pose.y)
+            points.append(Point(spec.kind, start.pose.x, start.pose.y, start.pose.z, start.pose.yaw, to))
         return points

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from recipe_compiler.carla import cameras, routes
-from recipe_compiler.carla.draft import Data, name_for
-from recipe_compiler.carla.forms.specs import ANGLES, POSITION, Number, Spec
-from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose, normalize_range
+from recipe_compiler.carla.draft import Data
+from recipe_compiler.carla.forms.specs import ANGLES, AXES, POSITION, Spec
+from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose
 from recipe_compiler.carla.report import Node, number_text
-from recipe_compiler.carla.scene import ACTORS, Scene
+from recipe_compiler.carla.scene import SIGN_CHANGED, Scene
 from recipe_compiler.ir.errors import Code
 from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.streams import Stream
@@ -20,7 +20,6 @@ from recipe_compiler.source.yaml_reader import show
 _SPEED = 0.5  # metres per frame, the collector's default
 _MAX_SPEED = 100.0  # m/s, the limit of the language
 _SPAWN_HEIGHT = 0.6  # metres, of CARLA's spawn points
-_SIGN_CHANGED = "sign changed"
 
 
 @dataclass
@@ -49,7 +48,9 @@ def write(scene: Scene) -> None:
         group.captured |= modalities
     taken: list[str] = []
     for number, group in enumerate(groups, 1):
-        _name(scene, group, taken, "camera" if len(groups) == 1 else f"camera{number}")
+        fallback = "camera" if len(groups) == 1 else f"camera{number}"
+        why = "one name for the sensors at this pose, of letters, digits, _ and -"
+        scene.give_name(group.specs, taken, fallback, "base.sensors", why)
     for group, name in zip(groups, taken, strict=True):  # a sensor may be mounted on one that is listed later
         _write(scene, group, name)
 
@@ -71,41 +72,21 @@ def _plain(node: Node | None) -> str:
     return "" if node is None else repr(node.value.plain)
 
 
-def _name(scene: Scene, group: _Group, taken: list[str], fallback: str) -> None:
-    """Name a group after the first role name, or else the first name, of its entries."""
-    roles = [(spec, role) for spec in group.specs if (role := spec.attributes.get("role_name")) is not None]
-    texts = [text for _, role in roles if (text := scene.reader.text(role))]
-    wanted = next(iter([*texts, *(spec.wanted_name for spec in group.specs if spec.wanted_name)]), fallback)
-    name = name_for(wanted, taken, fallback)
-    taken.append(name)
-    for spec in group.specs:
-        scene.names[id(spec)] = name
-    for _, role in roles:
-        if role.value.data == name:
-            scene.reader.ledger.kept(role, f"base.sensors.{name}")
-        else:
-            why = "one name for the sensors at this pose, of letters, digits, _ and -"
-            scene.reader.ledger.mapped(role, f"base.sensors.{name}", name, why)
-
-
 def _write(scene: Scene, group: _Group, name: str) -> None:
     to = f"base.sensors.{name}"
-    _write_mount(scene, group, to)
+    _write_mount(scene, group, f"{to}.mount")
     _write_camera(scene, group, f"{to}.camera")
     capture = [modality for modality in MODALITIES if modality in group.captured]
     scene.draft.set(f"{to}.capture", capture)
-    for spec in group.specs:
-        for modality, node in spec.modalities:
-            if node.value.data == modality:
-                scene.reader.ledger.kept(node, f"{to}.capture")
-            elif isinstance(node.value.data, dict):
-                scene.reader.ledger.default(
-                    f"{to}.capture", modality, "OSCAR adds instance segmentation to every camera"
-                )
-            else:
-                several = "the sensors at this pose become one with all their modalities"
-                why = several if len(group.specs) > 1 else "the modality of this sensor"
-                scene.reader.ledger.mapped(node, f"{to}.capture", modality, why)
+    several = "the sensors at this pose become one with all their modalities"
+    why = several if len(group.specs) > 1 else "the modality of this sensor"
+    for modality, node in (each for spec in group.specs for each in spec.modalities):
+        is_named = not isinstance(node.value.data, dict)  # else the sensor itself, which implies it
+        absent = "OSCAR adds instance segmentation to every camera"
+        is_same = node.value.data == modality
+        scene.reader.ledger.record(
+            node if is_named else None, f"{to}.capture", modality, "" if is_same else why, absent
+        )
     motion = _motion(scene, group, to)
     if motion:
         scene.draft.set(f"{to}.motion", motion)
@@ -118,20 +99,17 @@ def _write_mount(scene: Scene, group: _Group, to: str) -> None:
     mount: dict[str, Data] = {} if actor is None else {"on": scene.name(actor)}
     if pose is None:
         pose = _at_spawn_point(scene, spec)
-        at = {axis: round(getattr(pose, axis), 6) for axis in (*POSITION, "yaw")}
+        at = {axis: getattr(pose, axis) for axis in (*POSITION, "yaw")}
         why = "no transform is given, so the collector chooses a random spawn point: one of this town, by seed and name"
-        scene.reader.ledger.default(f"{to}.mount", at, why)
-    given = {axis: getattr(pose, axis) for axis in (*POSITION, "yaw", "pitch", "roll")}
-    tilt = [axis for axis in ("pitch", "roll") if not _given(spec, axis) and abs(given[axis]) < 1e-9]
-    mount |= {axis: round(value, 6) + 0.0 for axis, value in given.items() if axis not in tilt}
-    scene.draft.set(f"{to}.mount", mount)
+        scene.reader.ledger.default(to, at, why)
+    for axis in AXES:
+        is_given = spec.transform is not None and spec.transform.numbers[axis].node is not None
+        if is_given or axis not in ("pitch", "roll") or abs(getattr(pose, axis)) >= 1e-9:
+            mount[axis] = round(getattr(pose, axis), 6)
+    scene.draft.set(to, mount)
     for each in group.specs:
-        _note_mount(scene, each, pose, f"{to}.mount")
-        _note_attachment(scene, each, mount, f"{to}.mount")
-
-
-def _given(spec: Spec, axis: str) -> bool:
-    return spec.transform is not None and spec.transform.numbers[axis].node is not None
+        _note_mount(scene, each, pose, to)
+        _note_attachment(scene, each, mount, to)
 
 
 def _at_spawn_point(scene: Scene, spec: Spec) -> Pose:
@@ -147,51 +125,26 @@ def _note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
         return
     if spec.transform is None:
         return
-    numbers, parent, (dx, dy) = spec.transform.numbers, scene.parent(spec), scene.vector
-    below = to.removeprefix("base.")
-    if parent is not None and parent.kind not in ACTORS:
-        for axis, number in numbers.items():
-            why = f"given in the frame of {scene.name(parent)}, another sensor"
+    parent = scene.parent(spec)
+    if parent is not None and parent.kind == "sensor":
+        why = f"given in the frame of {scene.name(parent)}, another sensor"
+        for axis, number in spec.transform.numbers.items():
             scene.note_number(number, f"{to}.{axis}", round(getattr(pose, axis), 6), why)
         return
-    lift = WALKER_ORIGIN if parent is not None and parent.kind == "walker" else 0.0
-    if parent is not None:
-        dx = dy = 0.0
-    x, y, z = (numbers[axis] for axis in POSITION)
-    scene.draw(x, f"{below}.x", x.low + dx, x.high + dx)
-    scene.draw(y, f"{below}.y", dy - y.high, dy - y.low)
-    scene.draw(z, f"{below}.z", z.low + lift, z.high + lift)
-    moved = ", moved by {:g}" if parent is None else ""
-    scene.note_number(x, f"{to}.x", pose.x, moved.format(dx).lstrip(", "))
-    scene.note_number(y, f"{to}.y", pose.y, f"{_SIGN_CHANGED}{moved.format(dy)}")
-    scene.note_number(z, f"{to}.z", pose.z, f"from the feet, which are {lift:g} m below the origin of CARLA's walkers")
-    for axis in ANGLES:
-        sign = 1.0 if axis == "roll" else -1.0
-        low, high = sorted((sign * numbers[axis].low, sign * numbers[axis].high))
-        scene.draw(numbers[axis], f"{below}.{axis}", *normalize_range(low, high))
-        why = _SIGN_CHANGED if sign < 0 else "the same angle, from -180 to 180 degrees"
-        scene.note_number(numbers[axis], f"{to}.{axis}", getattr(pose, axis), why)
+    lift = {"z": WALKER_ORIGIN} if parent is not None and parent.kind == "walker" else {}
+    scene.note(spec.transform, to, pose, (*POSITION, *ANGLES), scene.shift if parent is None else lift)
 
 
 def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) -> None:
     ledger, actor = scene.reader.ledger, scene.actor_of(spec)
-    if spec.role is not None:
-        role = scene.reader.text(spec.role)
-        if actor is not None and role == scene.name(actor):
-            ledger.kept(spec.role, f"{to}.on")
-        elif actor is not None:
-            ledger.mapped(
-                spec.role,
-                f"{to}.on",
-                scene.name(actor),
-                "the actor with that role, or the actor that its sensor is attached to",
-            )
-        else:
-            ledger.mapped(spec.role, to, "its pose", "the frame of a sensor that is fixed in the world")
-    if spec.attachment is None:
-        return
+    if actor is None:
+        ledger.mapped(spec.role, to, "its pose", "the frame of a sensor that is fixed in the world")
+    elif spec.role is not None:
+        why = "the actor with that role, or the actor that its sensor is attached to"
+        name = scene.name(actor)
+        ledger.record(spec.role, f"{to}.on", name, "" if scene.reader.text(spec.role) == name else why)
     kind = scene.reader.text(spec.attachment)
-    if kind is None:
+    if kind is None or spec.attachment is None:
         return
     kinds = {"rigid": "rigid", "springarm": "spring_arm", "springarmghost": "spring_arm_ghost"}
     wanted = kinds.get(kind.lower().replace("_", ""))
@@ -205,10 +158,7 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
         ledger.ignored(spec.attachment, "an arm of zero length: the sensor is fixed to the actor")
     else:
         mount["attachment"] = wanted
-        if wanted == kind:
-            ledger.kept(spec.attachment, f"{to}.attachment")
-        else:
-            ledger.mapped(spec.attachment, f"{to}.attachment", wanted, "the same kind of arm")
+        ledger.record(spec.attachment, f"{to}.attachment", wanted, "" if wanted == kind else "the same kind of arm")
 
 
 def _write_camera(scene: Scene, group: _Group, to: str) -> None:
@@ -232,7 +182,7 @@ def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
             motion |= routes.write(scene, spec, to)
         elif spec.goal is not None:
             motion |= _linear(scene, spec, f"{to}.motion")
-        elif spec.speed is not None:
+        else:
             scene.reader.ledger.ignored(spec.speed, "without a destination_transform it does not move")
         jitter: dict[str, Data] = {}
         for node in spec.jitter.children() if spec.jitter is not None else ():
@@ -243,8 +193,8 @@ def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
             value = scene.reader.number(node, -10.0, 10.0)
             if value is not None:
                 jitter[axis] = abs(value)
-                number = Number(value, value, node)
-                scene.note_number(number, f"{to}.motion.jitter.{axis}", abs(value), "a magnitude has no sign")
+                why = "" if value >= 0.0 else "a magnitude has no sign"
+                scene.reader.ledger.record(node, f"{to}.motion.jitter.{axis}", abs(value), why)
         if any(jitter.values()):
             motion["jitter"] = jitter
     return motion
@@ -253,31 +203,26 @@ def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
 def _linear(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
     """Return the linear motion of a sensor to its destination; the collector's speed is in metres per frame."""
     assert spec.goal is not None
-    goal, parent, (dx, dy) = spec.goal, scene.parent(spec), scene.vector
+    goal, parent = spec.goal, scene.parent(spec)
     pose = scene.world(goal.pose) if parent is None else scene.pose_on(parent, goal.pose) or goal.pose
-    end = {axis: round(getattr(pose, axis), 6) + 0.0 for axis in POSITION}
-    is_moved = parent is None and (dx, dy) != (0.0, 0.0)
+    end = {axis: round(getattr(pose, axis), 6) for axis in POSITION}
+    is_moved = parent is None and scene.vector != (0.0, 0.0)
     where = ", moved" if is_moved else "" if parent is None else ", in the frame of its parent"
     for axis in POSITION:
-        why = (_SIGN_CHANGED if axis == "y" else "the same number") + where
+        why = (SIGN_CHANGED if axis == "y" else "the same number") + where
         scene.note_number(goal.numbers[axis], f"{to}.linear.to.{axis}", end[axis], why)
     for axis in ANGLES:
-        node = goal.numbers[axis].node
-        if node is not None:
-            scene.reader.ledger.ignored(node, "the collector changes the position only, not the rotation")
+        ignored = "the collector changes the position only, not the rotation"
+        scene.reader.ledger.ignored(goal.numbers[axis].node, ignored)
     fps = scene.settings.fps
     given = scene.reader.number(spec.speed, 0.0)
     per_frame = _SPEED if given is None else given
     speed = round(per_frame * fps, 6)
     why = f"{per_frame:g} metres per frame at {fps} frames per second"
-    if spec.speed is None:
-        scene.reader.ledger.default(f"{to}.linear.speed", speed, f"no speed is given: {why}")
-    elif not 0.0 < speed <= _MAX_SPEED:
-        message = f"{why} is {speed:g} m/s"
+    if spec.speed is not None and not 0.0 < speed <= _MAX_SPEED:
         remedy = f"write more than 0 and at most {_MAX_SPEED / fps:g} metres per frame"
-        scene.reader.reject(spec.speed, message, remedy, Code.OUT_OF_RANGE)
-    else:
-        scene.reader.ledger.mapped(spec.speed, f"{to}.linear.speed", speed, why)
+        scene.reader.reject(spec.speed, f"{why} is {speed:g} m/s", remedy, Code.OUT_OF_RANGE)
+    scene.reader.ledger.record(spec.speed, f"{to}.linear.speed", speed, why, f"no speed is given: {why}")
     return {"linear": {"to": end, "speed": speed}}
 
 

@@ -12,6 +12,7 @@ from recipe_compiler.carla.report import Node
 
 Kind = Literal["walker", "vehicle", "sensor", "patch", "generator"]
 POSITION, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+AXES = (*POSITION, "yaw", "pitch", "roll")  # of a pose in a recipe
 LIMIT = 1e5  # metres, degrees
 
 
@@ -33,7 +34,7 @@ class Number:
 class Transform:
     """A transform of CARLA: metres and degrees, left-handed."""
 
-    node: Node | None
+    node: Node
     numbers: dict[str, Number]
 
     @property
