@@ -37,7 +37,8 @@ class Reader:
 
     def reject(self, node: Node, message: str, remedy: str, code: Code = Code.INVALID_VALUE) -> None:
         """Add a problem at a value."""
-        self.problems.append(Problem(f"{node.key}: {message}", node.place, remedy, code))
+        where = f"{node.key}: " if node.path else ""
+        self.problems.append(Problem(where + message, node.place, remedy, code))
 
     def number(self, node: Node | None, low: float = -1e6, high: float = 1e6) -> float | None:
         """Return a number, which may be written as text.

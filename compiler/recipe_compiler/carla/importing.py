@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 
 from recipe_compiler.carla import actors, sensors, weather
+from recipe_compiler.carla import settings as settings_of
 from recipe_compiler.carla.configuration import Reader, References, resolve
 from recipe_compiler.carla.draft import Data, Draft, name_for, text_of
 from recipe_compiler.carla.forms import collector, oscar
@@ -14,7 +15,7 @@ from recipe_compiler.carla.forms.specs import Spec, unread_classes
 from recipe_compiler.carla.placement import Site
 from recipe_compiler.carla.report import Node, Report, Row, key_of
 from recipe_compiler.carla.scene import Scene
-from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form, SettingsReader
+from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 from recipe_compiler.source import yaml_reader
 from recipe_compiler.source.merge import Merger
@@ -205,8 +206,7 @@ class _Import:
 
     def _fill(self, node: Node, form: Form, references: References, town: str | None) -> list[str] | None:
         """Write all parts of the recipe and return the notes of the report; None, with problems, if it is invalid."""
-        settings_reader = SettingsReader(self.reader, node, form, self.draft)
-        settings = settings_reader.read(town)
+        settings = settings_of.read(self.reader, node, form, self.draft, town)
         self._write_weather(node, form)
         specs = oscar.read(self.reader, node) if form is OSCAR else collector.read(self.reader, node)
         if not any(spec.kind == "sensor" for spec in specs) and not self.reader.problems:
@@ -223,7 +223,7 @@ class _Import:
         sensors.write(scene)
         actors.write_crowds(scene)
         self._put_sensors_last()
-        return [*settings_reader.notes, *_note_of_shift(scene, specs)]
+        return [settings.note, *_note_of_shift(scene, specs)]
 
     def _put_sensors_last(self) -> None:
         base = self.draft.data["base"]
