@@ -19,22 +19,15 @@ GEOMETRY = ("width", "height", "fov", *_LENS)
 _NOT_RESPONSE = {*GEOMETRY, "near", "far", "noise", "vignette_intensity", "antialias", "supersample"}
 RESPONSE = tuple(name for name in Camera.model_fields if name not in _NOT_RESPONSE)
 DEFAULTS: dict[str, Data] = {"width": 800, "height": 600, "fov": 90.0, "gamma": 2.2}
+_NO_ADAPTATION = "automatic exposure does not depend on earlier pictures"
 _UNSUPPORTED = {
     "lens_flare_intensity": "no lens flares",
     "lens_x_size": "the unit of distortion is half the picture's width",
     "lens_y_size": "the unit of distortion is half the picture's width",
     **dict.fromkeys(("min_fstop", "blade_count", "focal_distance", "blur_amount", "blur_radius"), "no depth of field"),
     **dict.fromkeys(("slope", "toe", "shoulder", "black_clip", "white_clip"), "no film curve"),
-    **dict.fromkeys(
-        (
-            "exposure_min_bright",
-            "exposure_max_bright",
-            "exposure_speed_up",
-            "exposure_speed_down",
-            "calibration_constant",
-        ),
-        "automatic exposure does not depend on earlier pictures",
-    ),
+    **dict.fromkeys(("exposure_min_bright", "exposure_max_bright"), _NO_ADAPTATION),
+    **dict.fromkeys(("exposure_speed_up", "exposure_speed_down", "calibration_constant"), _NO_ADAPTATION),
     "motion_blur_min_object_screen_size": "every moving object is blurred",
     "post_process_profile": "the renderer has one camera model",
 }

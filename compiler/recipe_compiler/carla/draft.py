@@ -19,15 +19,8 @@ Data: TypeAlias = "bool | int | float | str | Sequence[Data] | Mapping[str, Data
 _COLUMNS = 110  # of a map on one line
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.*?-]*\Z")
 _WORDS = {"null", "true", "false", "yes", "no", "on", "off", "y", "n"}
-_BLOCKS = {
-    (),
-    ("base",),
-    ("base", "actors"),
-    ("base", "sensors"),
-    ("base", "patches"),
-    ("deltas",),
-    ("deltas", "weather"),
-}
+_BLOCKS = ("base", "base.actors", "base.sensors", "base.patches", "deltas", "deltas.weather")  # a line for each key
+_BASE = ("clock", "town", "weather", "actors", "traffic", "patches", "sensors")
 
 
 @dataclass
@@ -51,7 +44,10 @@ class Draft:
         here[last] = value
 
     def finish(self) -> None:
-        """Add the draws to the recipe."""
+        """Put the keys of `base` into the order of a recipe, and add the draws."""
+        base = self.data["base"]
+        assert isinstance(base, dict)
+        self.data["base"] = {key: base[key] for key in _BASE if key in base}
         if self.draws:
             self.set("sweep.draw", {"count": 1, "values": self.draws})
 
@@ -115,7 +111,7 @@ def _is_block(value: Data, path: tuple[str, ...]) -> bool:
     """Return whether a value is a map that is written with a line for each key."""
     if not isinstance(value, Mapping) or not value:
         return False
-    return path in _BLOCKS or len("  " * len(path) + f"{path[-1]}: {_flow(value)}") > _COLUMNS
+    return ".".join(path) in _BLOCKS or len("  " * len(path) + f"{path[-1]}: {_flow(value)}") > _COLUMNS
 
 
 def _block(data: Mapping[str, Data], path: tuple[str, ...], comments: Mapping[tuple[str, ...], list[str]]) -> list[str]:
@@ -126,7 +122,7 @@ def _block(data: Mapping[str, Data], path: tuple[str, ...], comments: Mapping[tu
         if not path and isinstance(value, Mapping):
             lines.append("")
         lines += [_wrapped(f"{indent}# {printable(comment)}") for comment in comments.get(here, [])]
-        if _is_block(value, here) and isinstance(value, Mapping):
+        if isinstance(value, Mapping) and _is_block(value, here):
             lines += [f"{indent}{_key(key)}:", *_block(value, here, comments)]
         else:
             lines.append(f"{indent}{_key(key)}: {_flow(value)}")
@@ -134,26 +130,18 @@ def _block(data: Mapping[str, Data], path: tuple[str, ...], comments: Mapping[tu
 
 
 def _flow(value: Data) -> str:
+    if isinstance(value, str):
+        return value if _PLAIN.match(value) and value.lower() not in _WORDS else _quoted(value)
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_key(key)}: {_flow(each)}" for key, each in value.items()) + "}"
-    if isinstance(value, str):
-        return _scalar(value)
     if isinstance(value, Sequence):
         return "[" + ", ".join(map(_flow, value)) + "]"
-    return _scalar(value)
+    return number_text(value) if isinstance(value, float) else show(value)
 
 
 def _key(text: str) -> str:
     """A key: words that YAML reads as values are text in keys of recipes."""
     return text if _PLAIN.match(text) else _quoted(text)
-
-
-def _scalar(value: bool | int | float | str) -> str:
-    if isinstance(value, float):
-        return number_text(value)
-    if isinstance(value, str) and _PLAIN.match(value) and value.lower() not in _WORDS:
-        return value
-    return show(value) if not isinstance(value, str) else _quoted(value)
 
 
 def _quoted(text: str) -> str:
