@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from pydantic import ValidationError
 
@@ -40,19 +40,8 @@ _READ_ELSEWHERE = {"role_name", "sensor_tick"}
 _SKIPPED = "the collector skips attributes that the blueprint lacks"
 
 
-@dataclass
-class Attributes:
-    """The parameters of one camera.
-
-    Args:
-        geometry: parameters that affect the labels: size, field of view and lens.
-        response: parameters that affect only the RGB picture.
-        nodes: the value in the configuration, by parameter.
-    """
-
-    geometry: dict[str, Data] = field(default_factory=dict)
-    response: dict[str, Data] = field(default_factory=dict)
-    nodes: dict[str, Node] = field(default_factory=dict)
+Attributes: TypeAlias = "dict[str, tuple[Data, Node]]"
+"""The parameters of one camera: the value in the recipe, and the one in the configuration, by name."""
 
 
 def read(reader: Reader, given: dict[str, Node], *, rgb: bool) -> Attributes:
@@ -63,38 +52,30 @@ def read(reader: Reader, given: dict[str, Node], *, rgb: bool) -> Attributes:
         given: the values by attribute.
         rgb: whether the camera takes RGB pictures; of other cameras only the geometry is read.
     """
-    found = Attributes()
+    found: Attributes = {}
     for name, node in given.items():
         parameter = _SIZES.get(name, name)
         if name in _READ_ELSEWHERE or node.value.data is None:
             continue
-        if parameter not in (*GEOMETRY, *RESPONSE) or name in ("width", "height"):
-            why = _UNSUPPORTED.get(name)
-            reader.ledger.ignored(
-                node, f"not supported here: {why}" if why else f"not an attribute of cameras; {_SKIPPED}"
-            )
+        if name in _UNSUPPORTED:
+            reader.ledger.ignored(node, f"not supported here: {_UNSUPPORTED[name]}")
+        elif parameter not in (*GEOMETRY, *RESPONSE) or name in ("width", "height"):
+            reader.ledger.ignored(node, f"not an attribute of cameras; {_SKIPPED}")
         elif parameter in RESPONSE and not rgb:
             reader.ledger.ignored(node, f"not an attribute of this camera, which has no RGB picture; {_SKIPPED}")
-        else:
-            value = _value(reader, node, parameter)
-            if value is not None:
-                (found.geometry if parameter in GEOMETRY else found.response)[parameter] = value
-                found.nodes[parameter] = node
+        elif (value := _value(reader, node, parameter)) is not None:
+            found[parameter] = value, node
     return found
 
 
 def note(reader: Reader, attributes: Attributes, to: str) -> None:
     """Record the outcome of the attributes of a camera; `to` is the path of the camera in the recipe."""
-    values = {**attributes.geometry, **attributes.response}
-    for parameter, node in attributes.nodes.items():
+    for parameter, (value, node) in attributes.items():
         data = node.value.data
-        is_same = str(data).lower() == str(values[parameter]).lower() or _as_number(data) == values[parameter]
-        if is_same and (parameter not in _OTHER_UNITS or not values[parameter]):
-            reader.ledger.kept(node, f"{to}.{parameter}")
-        else:
-            exposure = "automatic exposure depends on the scene, not on earlier pictures"
-            why = _OTHER_UNITS.get(parameter, exposure)
-            reader.ledger.mapped(node, f"{to}.{parameter}", values[parameter], why)
+        why = _OTHER_UNITS.get(parameter, "") if value else ""
+        if str(data).lower() != str(value).lower() and _as_number(data) != value:
+            why = why or "automatic exposure depends on the scene, not on earlier pictures"
+        reader.ledger.record(node, f"{to}.{parameter}", value, why)
 
 
 def _as_number(data: object) -> float | None:
@@ -111,7 +92,7 @@ def _value(reader: Reader, node: Node, parameter: str) -> Data | None:
     value: Data | None
     if parameter == "exposure_mode":
         mode = reader.text(node)
-        value = None if mode is None else "manual" if mode == "manual" else "auto"
+        value = mode and ("manual" if mode == "manual" else "auto")
     elif kind is bool:
         value = reader.boolean(node)
     elif kind is int:

@@ -89,7 +89,7 @@ class Site:
             if cost < limit:
                 best = cost, vector
         assert best is not None
-        return _rounded(best[1][0]), _rounded(best[1][1])
+        return round(best[1][0], 2) + 0.0, round(best[1][1], 2) + 0.0  # centimetres are easy to read
 
     def free(self, x: float, y: float, *, vehicle: bool) -> XY:
         """Return a position if an actor can stand there and leave it, or else the nearest such position."""
@@ -108,7 +108,7 @@ class Site:
         if anchor.kind == "vehicle":
             spots = tuple(spot for spot in spots if _angle_between(spot.yaw, anchor.yaw) < _TURN) or spots
         mx, my = self._middle
-        near = sorted(spots, key=lambda spot: (_squared(spot.x - mx, spot.y - my), spot.x, spot.y))
+        near = sorted(spots, key=lambda spot: (_length(spot.x - mx, spot.y - my), spot.x, spot.y))
         for spot in near[:_MAX_SPOTS]:
             s, c = exact.sin_cos_deg(spot.yaw)
             for across in _OFFSETS if anchor.kind != "vehicle" else (0.0,):
@@ -193,18 +193,9 @@ def _fits(spot: Pose, x: float, y: float, yaw: float) -> bool:
     return abs(c * dy - s * dx) < _LANE
 
 
-def _squared(x: float, y: float) -> float:
-    return x * x + y * y
-
-
 def _angle_between(a: float, b: float) -> float:
     """Return the angle between two directions, 0 to 180 degrees."""
     return abs((a - b + 180.0) % 360.0 - 180.0)
-
-
-def _rounded(metres: float) -> float:
-    """Return metres rounded to a centimetre, for a recipe that is easy to read."""
-    return round(metres, 2) + 0.0
 
 
 def _length(x: float, y: float) -> float:

@@ -58,13 +58,12 @@ def write(scene: Scene) -> None:
 def _key(scene: Scene, spec: Spec, attributes: cameras.Attributes) -> tuple[object, ...]:
     """Return the parent, pose, motion and geometry of a sensor; sensors with equal keys become one."""
     pose, actor = scene.mount(spec), scene.actor_of(spec)
-    geometry = {**cameras.DEFAULTS, **attributes.geometry}
     at = id(spec) if pose is None else tuple(round(getattr(pose, axis), 6) for axis in (*POSITION, *ANGLES))
     ranges = () if spec.transform is None else tuple((n.low, n.high) for n in spec.transform.numbers.values())
     goal = None if spec.goal is None else tuple(spec.goal.numbers[axis].middle for axis in POSITION)
     moves = (goal, _plain(spec.speed), _plain(spec.jitter), _plain(spec.attachment), _plain(spec.route))
     tick = _plain(spec.attributes.get("sensor_tick"))
-    lens = tuple(geometry.get(name) for name in cameras.GEOMETRY)
+    lens = tuple(attributes[name][0] if name in attributes else cameras.DEFAULTS.get(name) for name in cameras.GEOMETRY)
     return (id(actor), at, ranges if any(low != high for low, high in ranges) else (), *moves, tick, lens)
 
 
@@ -164,7 +163,7 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
 def _write_camera(scene: Scene, group: _Group, to: str) -> None:
     camera: dict[str, Data] = {}
     for attributes in group.attributes:
-        camera |= {**attributes.geometry, **attributes.response}
+        camera |= {parameter: value for parameter, (value, _) in attributes.items()}
         cameras.note(scene.reader, attributes, to)
     for parameter, value in cameras.DEFAULTS.items():
         if parameter not in camera and (parameter != "gamma" or "rgb" in group.captured):
