@@ -75,7 +75,7 @@ class Reader:
         if node is None:
             return None
         data = node.value.data
-        if isinstance(data, dict | tuple) or (isinstance(data, str) and "${" in data):
+        if isinstance(data, dict | tuple) or "${" in str(data):
             self._wrong_type(node, "text")
             return None
         return data if isinstance(data, str) else show(data)

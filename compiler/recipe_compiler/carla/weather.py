@@ -31,10 +31,7 @@ def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
             continue
         valid, why = _clamped(parameter, value)
         found[parameter] = valid
-        if why:
-            reader.ledger.mapped(child, f"{to}.{parameter}", valid, why)
-        else:
-            reader.ledger.kept(child, f"{to}.{parameter}")
+        reader.ledger.record(child, f"{to}.{parameter}", valid, why)
     for child in node.children():
         if child.path[-1] not in COLLECTOR and child.path[-1] != "_target_":
             meant = near(str(child.path[-1]), COLLECTOR)

@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 from recipe_compiler.carla.configuration import Reader
-from recipe_compiler.carla.forms.specs import Kind, Spec, read_transform
+from recipe_compiler.carla.forms.specs import Kind, Spec, ignore_others, read_transform
 from recipe_compiler.carla.report import Node
 from recipe_compiler.ir.errors import Code
 from recipe_compiler.source.yaml_reader import show
 
-_KEYS = {
-    "blueprint",
-    "transform",
-    "destination_transform",
-    "sensor_motion",
-    "attach_to",
-    "attachment",
-    "sensors",
-}
+_KEYS = ("blueprint", "transform", "destination_transform", "sensor_motion", "attach_to", "attachment", "sensors")
 _UNKNOWN = "the collector has no such key and does not read it"
 _MISSING = "write the name of a blueprint, such as name: vehicle.*"
 CAMERAS = {
@@ -42,39 +34,23 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec])
     blueprint = reader.map(node.get("blueprint"))
     name_node = None if blueprint is None else blueprint.get("name")
     name = reader.text(name_node)
-    if name is None:
+    if blueprint is None or name_node is None or name is None:
         if name_node is None and (blueprint is not None or node.get("blueprint") is None):
             reader.reject(node, "it has no blueprint name", _MISSING, Code.MISSING_KEY)
         return
     kind = kind_of(name)
-    if kind is None or name_node is None or blueprint is None:
-        assert name_node is not None
+    if kind is None:
         ignore(reader, node, name_node, name)
         return
-    spec = _spec(reader, node, kind, name, name_node, blueprint, container)
-    specs.append(spec)
-    for child in reader.items(node.get("sensors")):
-        _read(reader, child, spec, specs)
-
-
-def _spec(
-    reader: Reader, node: Node, kind: Kind, name: str, name_node: Node, blueprint: Node, container: Spec | None
-) -> Spec:
-    for child in (*node.children(), *blueprint.children()):
-        known = _KEYS if len(child.path) == len(node.path) + 1 else {"name", "attr", "speed"}
-        if child.path[-1] not in known:
-            reader.ledger.ignored(child, _UNKNOWN)
-    motion = reader.map(node.get("sensor_motion"))
-    for child in motion.children() if motion is not None else ():
-        if child.path[-1] != "jitter_magnitude":
-            reader.ledger.ignored(child, _UNKNOWN)
-    attributes = reader.map(blueprint.get("attr"))
-    return Spec(
+    motion, attributes = reader.map(node.get("sensor_motion")), reader.map(blueprint.get("attr"))
+    for parent, known in ((node, _KEYS), (blueprint, ("name", "attr", "speed")), (motion, ("jitter_magnitude",))):
+        ignore_others(reader, parent, known, _UNKNOWN)
+    spec = Spec(
         node=node,
         kind=kind,
         blueprint=name,
         name_node=name_node,
-        attributes={str(c.path[-1]): c for c in attributes.children()} if attributes is not None else {},
+        attributes={} if attributes is None else {str(child.path[-1]): child for child in attributes.children()},
         transform=read_transform(reader, node.get("transform"), ranges=False),
         goal=read_transform(reader, node.get("destination_transform"), ranges=False),
         speed=blueprint.get("speed"),
@@ -84,16 +60,15 @@ def _spec(
         attachment=node.get("attachment"),
         modalities=((CAMERAS[name], name_node),) if kind == "sensor" else (),
     )
+    specs.append(spec)
+    for child in reader.items(node.get("sensors")):
+        _read(reader, child, spec, specs)
 
 
 def kind_of(name: str) -> Kind | None:
     """Return the kind of a blueprint or glob; None if the recipe language has no such kind."""
-    if name in CAMERAS:
-        return "sensor"
-    family = name.split(".", 1)[0]
-    if family == "walker":
-        return "walker"
-    return "vehicle" if family == "vehicle" else None
+    families: dict[str, Kind] = {"walker": "walker", "vehicle": "vehicle"}
+    return "sensor" if name in CAMERAS else families.get(name.split(".", 1)[0])
 
 
 def ignore(reader: Reader, node: Node, name_node: Node, name: str) -> None:
@@ -103,8 +78,5 @@ def ignore(reader: Reader, node: Node, name_node: Node, name: str) -> None:
         remedy = "write walker.*, vehicle.* or the name of a sensor, such as sensor.camera.rgb"
         reader.reject(name_node, f"{show(name)} is not a blueprint of CARLA's", remedy, Code.UNKNOWN_NAME)
         return
-    if family == "sensor":
-        why = f"recipes do not have {show(name)}; they have the cameras {', '.join(sorted(MODALITIES))}"
-    else:
-        why = f"recipes have nothing like {show(name)}"
-    reader.ledger.ignored(node, why)
+    cameras = f"recipes do not have {show(name)}; they have the cameras {', '.join(sorted(MODALITIES))}"
+    reader.ledger.ignored(node, cameras if family == "sensor" else f"recipes have nothing like {show(name)}")

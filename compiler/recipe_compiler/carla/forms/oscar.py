@@ -11,26 +11,17 @@ from recipe_compiler.carla.report import Node
 from recipe_compiler.ir.errors import Code
 from recipe_compiler.source.yaml_reader import show
 
-_CLASSES = ("Camera", "Sensor", "Walker", "Vehicle", "Patch", "ActorsGenerator")
-_CONTROLLERS = ("WalkerController", "VehicleController", "SensorController")
+_CONTROLLERS = {"WalkerController": "walker", "VehicleController": "vehicle", "SensorController": "sensor"}
 _KINDS: Mapping[str, Kind] = {
+    "Camera": "sensor",
+    "Sensor": "sensor",
     "Walker": "walker",
     "Vehicle": "vehicle",
     "Patch": "patch",
     "ActorsGenerator": "generator",
-    "Camera": "sensor",
-    "Sensor": "sensor",
 }
-_NOT_ATTRIBUTES = {
-    "_target_",
-    "_recursive_",
-    "_convert_",
-    "_partial_",
-    "transform",
-    "attachments",
-    "name",
-    "modalities",
-}
+_NOT_ATTRIBUTES = ("transform", "attachments", "name", "modalities")
+_HYDRA = ("_target_", "_recursive_", "_convert_", "_partial_")
 
 
 def read(reader: Reader, root: Node) -> list[Spec]:
@@ -59,8 +50,8 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec],
     if reader.map(node) is None:
         return
     kind = class_of(node)
-    if kind not in _CLASSES:
-        remedy = f"write one of {', '.join((*_CLASSES, *_CONTROLLERS))}"
+    if kind not in _KINDS:
+        remedy = f"write one of {', '.join((*_KINDS, *_CONTROLLERS))}"
         reader.reject(
             node.get("_target_") or node, f"{show(kind)} is not a class of OSCAR's actors", remedy, Code.UNKNOWN_NAME
         )
@@ -73,7 +64,7 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec],
         kind=_KINDS[kind],
         blueprint=_blueprint(reader, node, kind),
         name_node=node.get("name") if kind in ("Walker", "Vehicle") else None,
-        attributes={str(c.path[-1]): c for c in node.children() if c.path[-1] not in _NOT_ATTRIBUTES},
+        attributes={str(c.path[-1]): c for c in node.children() if c.path[-1] not in (*_NOT_ATTRIBUTES, *_HYDRA)},
         wanted_name=name,
         transform=read_transform(reader, node.get("transform"), ranges=True),
         container=container,
@@ -112,34 +103,27 @@ def _modalities(reader: Reader, node: Node, kind: str) -> tuple[tuple[str, Node]
         return ()
     found: dict[str, Node] = {}
     for child in reader.items(node.get("modalities")):
-        name = reader.text(child)
-        if name is None:
-            continue
+        name = reader.text(child) or ""
         modality = collector.MODALITIES.get(name)
         if modality is None:
             reader.ledger.ignored(child, f"recipes do not have a {show(name)} camera")
-        elif modality in found:
+        elif found.setdefault(modality, child) is not child:
             reader.ledger.ignored(child, "listed twice")
-        else:
-            found[modality] = child
-    if "instance" not in found:
-        found["instance"] = node
+    found.setdefault("instance", node)
     return tuple(found.items())
 
 
 def _control(reader: Reader, node: Node, spec: Spec) -> None:
     """Read a controller, which moves the actor that it is attached to."""
     kind = class_of(node)
-    wanted = {"WalkerController": "walker", "VehicleController": "vehicle", "SensorController": "sensor"}[kind]
-    if spec.kind != wanted:
+    if spec.kind != _CONTROLLERS[kind]:
         reader.ledger.ignored(node, f"a {kind} does not control a {spec.kind}")
         return
     spec.stands = False
     transform = read_transform(reader, node.get("transform"), ranges=True)
     if kind == "WalkerController":
         spec.goal = transform
-        if spec.speed is not None:
-            reader.ledger.ignored(spec.speed, "the max_speed of the controller counts")
+        reader.ledger.ignored(spec.speed, "the max_speed of the controller counts")
         spec.speed = node.get("max_speed")
     elif kind == "SensorController":
         spec.goal, spec.route = transform, reader.map(node.get("motion_params")) or node

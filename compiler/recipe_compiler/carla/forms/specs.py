@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -99,25 +99,25 @@ def read_transform(reader: Reader, node: Node | None, *, ranges: bool) -> Transf
     for part, axes in (("location", POSITION), ("rotation", ANGLES)):
         inner = reader.map(node.get(part))
         for axis in axes:
-            child = None if inner is None else inner.get(axis)
-            numbers[axis] = _number(reader, child, ranges=ranges)
-        for child in inner.children() if inner is not None else ():
-            if child.path[-1] not in (*axes, "_target_"):
-                reader.ledger.ignored(child, f"a {part} has no such number")
-    for child in node.children():
-        if child.path[-1] not in ("location", "rotation", "_target_"):
-            reader.ledger.ignored(child, "a transform has a location and a rotation only")
+            numbers[axis] = _number(reader, None if inner is None else inner.get(axis), ranges=ranges)
+        ignore_others(reader, inner, (*axes, "_target_"), f"a {part} has no such number")
+    ignore_others(reader, node, ("location", "rotation", "_target_"), "a transform has a location and a rotation only")
     return Transform(node, numbers)
 
 
 def _number(reader: Reader, node: Node | None, *, ranges: bool) -> Number:
-    if node is None:
-        return Number()
-    if ranges and isinstance(node.value.data, tuple) and node.value.data:
-        given = [reader.number(item, -LIMIT, LIMIT) or 0.0 for item in node.children()]
-        return Number(min(given[0], given[-1]), max(given[0], given[-1]), node)
-    value = reader.number(node, -LIMIT, LIMIT) or 0.0
-    return Number(value, value, node)
+    ends = [node]
+    if node is not None and ranges and isinstance(node.value.data, tuple) and node.value.data:
+        ends = list(node.children())
+    given = [reader.number(end, -LIMIT, LIMIT) or 0.0 for end in ends]
+    return Number(min(given[0], given[-1]), max(given[0], given[-1]), node)
+
+
+def ignore_others(reader: Reader, node: Node | None, known: Sequence[str], why: str) -> None:
+    """Record that the keys of a map other than those that are known are ignored."""
+    for child in node.children() if node is not None else ():
+        if child.path[-1] not in known:
+            reader.ledger.ignored(child, why)
 
 
 def unread_classes(node: Node) -> Iterator[Node]:
