@@ -173,7 +173,7 @@ def test_12_more_instances_than_an_id_can_hold_are_an_error(tmp_path: Path) -> N
     with pytest.raises(ValueError, match="limit of actors that occur only in deltas"):
         instance_numbers((), [f"a{n}" for n in range(101)])
     actors = "  - blueprint: {name: 'walker.*'}\n" * 300
-    with pytest.raises(InputError, match=r"300 actors; keep at most 299, or write an ActorsGenerator for crowds"):
+    with pytest.raises(InputError, match=r"301 entries; keep at most 300, or write an ActorsGenerator for crowds"):
         import_text("max_frames: 1\nspawn_actors:\n  - blueprint: {name: sensor.camera.rgb}\n" + actors)
 
 

@@ -207,8 +207,8 @@ class Report:
             "counts": self.counts(),
             "notes": list(self.notes),
             "keys": [
-                {"file": row.place.file, "line": row.place.line}
-                | {name: getattr(row, name) or None for name in ("key", "value", "outcome", "to", "written", "why")}
+                {"file": row.place.file, "line": row.place.line, "key": row.key}
+                | {name: getattr(row, name) or None for name in ("value", "outcome", "to", "written", "why")}
                 for row in self.rows
             ],
             "defaults": [asdict(default) for default in self.defaults],

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from recipe_compiler.carla import File, Imported, import_configurations
+from recipe_compiler.carla.report import Node
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.source import yaml_reader
-from recipe_compiler.source.yaml_reader import Value
 
 CONFIGS = Path(__file__).parent / "configs"
 PAPER = tuple(CONFIGS / "paper" / f"{name}.yaml" for name in ("config", "rainy", "foggy"))
@@ -44,16 +44,5 @@ def leaves(path: Path) -> Iterator[tuple[str, int, str]]:
     """Return the file, line and path of every scalar and every empty map or list of a file."""
     root, problems = yaml_reader.parse(path.read_bytes(), path.name)
     assert root is not None and not problems
-    for key, line in _leaves(root, "", 0):
-        yield path.name, line, key
-
-
-def _leaves(value: Value, key: str, line: int) -> Iterator[tuple[str, int]]:
-    if isinstance(value.data, dict) and value.data:
-        for name, child in value.data.items():
-            yield from _leaves(child, f"{key}.{name}" if key else name, value.key_place(name).line)
-    elif isinstance(value.data, tuple) and value.data:
-        for index, child in enumerate(value.data):
-            yield from _leaves(child, f"{key}[{index}]", child.place.line)
-    else:
-        yield key, line
+    for leaf in Node.root(root).leaves():
+        yield path.name, leaf.place.line, leaf.key

@@ -60,10 +60,6 @@ REFUSED = {
         "config.yaml:3:49: spawn_actors[0].blueprint.attr.sensor_tick: 0.05 s is 1.5 frames at 30 frames per second;"
         " write 0.033333 or 0.066667, or 0 for every frame",
     ),
-    "weather": (
-        HEAD + CAMERA + "weather: {cloudiness: much}\n",
-        'config.yaml:4:11: weather.cloudiness: it is "much"; write a number',
-    ),
     "environment": (
         "max_frames: ${oc.env:FRAMES}\nspawn_actors:\n" + CAMERA,
         'config.yaml:1:1: max_frames: the reference "${oc.env:FRAMES}" cannot be resolved; write the value itself',
@@ -85,7 +81,7 @@ def refusal(*texts: str) -> str:
     with pytest.raises(InputError) as caught:
         import_configurations(files)
     assert all(problem.help and "; " not in problem.help for problem in caught.value.problems)
-    assert all(problem.place for problem in caught.value.problems)
+    assert all(problem.place and problem.source is not None for problem in caught.value.problems)
     return str(caught.value)
 
 
@@ -101,40 +97,24 @@ def test_all_mistakes_are_reported_at_once() -> None:
     assert places == ["config.yaml:5:5", "config.yaml:6:9", "config.yaml:6:19"]
 
 
-def test_a_problem_shows_its_line() -> None:
-    with pytest.raises(InputError) as caught:
-        import_configurations([File("config.yaml", b"max_frames: 0\nspawn_actors: []\n")])
-    assert caught.value.problems[0].source == "max_frames: 0"
-
-
 HOSTILE = {
-    "aliases": "a: &a [1, 2, 3, 4, 5, 6, 7, 8, 9]\n"
-    + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdef", "bcdefg", strict=True))
-    + HEAD
-    + CAMERA,
     "references": "a: [1, 2, 3, 4, 5, 6, 7, 8, 9]\n"
     + "".join(f"{b}: [{', '.join(['${' + a + '}'] * 9)}]\n" for a, b in zip("abcdef", "bcdefg", strict=True))
     + HEAD
     + CAMERA,
-    "actors": HEAD + CAMERA + "  - blueprint: {name: 'walker.*'}\n" * 400,
-    "references to a list": f"a: [{'1, ' * 9000}]\nq: [{', '.join(['${a}'] * 9000)}]\n" + HEAD + CAMERA,
     "a chain of sensors": HEAD
     + CAMERA
     + "".join(
         f"  - {{blueprint: {{name: sensor.camera.rgb, attr: {{role_name: s{n}}}}}, attach_to: s{n - 1}}}\n"
         for n in range(1, 2000)
     ),
-    "not text": "\xff\xfe\x00",
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", HOSTILE)
 def test_hostile_input_is_refused_quickly(case: str) -> None:
-    content = HOSTILE[case].encode("latin-1")
-    with pytest.raises(InputError) as caught:
-        import_configurations([File("config.yaml", content)])
-    assert caught.value.problems[0].place
+    assert refusal(HOSTILE[case])
 
 
 @pytest.mark.slow
