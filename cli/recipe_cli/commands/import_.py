@@ -89,8 +89,6 @@ def _read(path: Path) -> File:
         return File(str(path), read_regular(path, MAX_BYTES))
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file", help=remedy, code=Code.FILE_NOT_FOUND) from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a folder", help="name the files in it", code=Code.UNREADABLE_FILE) from None
     except (OSError, ValueError) as error:
         cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise InputError(f"{path}: cannot be read: {cause}", help=remedy, code=Code.UNREADABLE_FILE) from None
@@ -139,7 +137,8 @@ def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:
         path.write_text(one.text, encoding="utf-8")
         try:
             return [placed(warning) for warning in compile_recipe(path).warnings]
-        except TooLargeError as large:
-            return [placed(problem) for problem in large.problems]
         except InputError as error:
-            raise InputError(placed(problem) for problem in error.problems) from None
+            problems = [placed(problem) for problem in error.problems]
+            if isinstance(error, TooLargeError):
+                return problems
+            raise InputError(problems) from None

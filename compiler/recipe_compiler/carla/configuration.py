@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
 from itertools import islice
 
 from recipe_compiler.carla.report import Ledger, Node, Path, key_of, number_text
@@ -115,52 +114,42 @@ class Reader:
             self.reject(node, f"it is {show(node.value.plain)}", f"write {wanted}")
 
 
-@dataclass
-class References:
-    """The references of a configuration that were resolved."""
-
-    targets: dict[Path, Path] = field(default_factory=dict)  # path of a reference -> path of the value it names
-    users: dict[Path, Path] = field(default_factory=dict)  # path of a value -> path of the first reference to it
-    problems: list[Problem] = field(default_factory=list)
-    values: int = 0  # number of values that replaced references
-
-
-def resolve(root: Value) -> tuple[Value, References]:
+def resolve(root: Value, problems: list[Problem]) -> tuple[Value, dict[Path, Path]]:
     """Resolve references to other values of the same configuration.
 
     Args:
         root: the configuration.
+        problems: receives the first reference that is circular or leads to too many values.
 
     Returns:
-        The configuration with the referenced values, and the references that were resolved. References of other forms
-        remain text.
+        The configuration with the referenced values, and the path of the value that each reference names. References of
+        other forms remain text.
     """
-    found = References()
-    return _resolved(root, root, (), found, 0), found
+    targets: dict[Path, Path] = {}
+    replaced = 0
 
+    def resolved(value: Value, path: Path, depth: int) -> Value:
+        nonlocal replaced
+        if isinstance(value.data, dict):
+            entries = {key: resolved(each, (*path, key), depth) for key, each in value.data.items()}
+            return Value(entries, value.place, value.keys)
+        if isinstance(value.data, tuple):
+            items = (resolved(each, (*path, index), depth) for index, each in enumerate(value.data))
+            return Value(tuple(items), value.place)
+        match = _REFERENCE.match(value.data) if isinstance(value.data, str) and not problems else None
+        target = _target(match[1]) if match is not None else ()
+        referenced = root.get(*target) if target else None
+        if referenced is None:
+            return value
+        replaced += sum(1 for _ in islice(Node.root(referenced).leaves(), _MAX_REPLACED_VALUES))
+        if depth >= _MAX_REFERENCE_DEPTH or len(path) > MAX_DEPTH or replaced > _MAX_REPLACED_VALUES:
+            message = f"{key_of(path)}: the reference {show(value.data)} is circular, or leads to too many values"
+            problems.append(Problem(message, value.place, "write the value itself", Code.INPUT_LIMIT))
+            return value
+        targets.setdefault(path, target)
+        return resolved(referenced, path, depth + 1)
 
-def _resolved(value: Value, root: Value, path: Path, found: References, depth: int) -> Value:
-    if isinstance(value.data, dict):
-        entries = {key: _resolved(each, root, (*path, key), found, depth) for key, each in value.data.items()}
-        return Value(entries, value.place, value.keys)
-    if isinstance(value.data, tuple):
-        items = (_resolved(each, root, (*path, index), found, depth) for index, each in enumerate(value.data))
-        return Value(tuple(items), value.place)
-    match = _REFERENCE.match(value.data) if isinstance(value.data, str) and not found.problems else None
-    if match is None:
-        return value
-    target = _target(match[1])
-    referenced = root.get(*target)
-    if referenced is None:
-        return value
-    found.values += sum(1 for _ in islice(Node(referenced, (), referenced.place).leaves(), _MAX_REPLACED_VALUES))
-    if depth >= _MAX_REFERENCE_DEPTH or len(path) > MAX_DEPTH or found.values > _MAX_REPLACED_VALUES:
-        message = f"{key_of(path)}: the reference {show(value.data)} is circular, or leads to too many values"
-        found.problems.append(Problem(message, value.place, "write the value itself", Code.INPUT_LIMIT))
-        return value
-    found.targets.setdefault(path, target)
-    found.users.setdefault(target, path)
-    return _resolved(referenced, root, path, found, depth + 1)
+    return resolved(root, (), 0), targets
 
 
 def _target(text: str) -> Path:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 from recipe_compiler.carla import actors, sensors, settings, weather
-from recipe_compiler.carla.configuration import Reader, References, resolve
+from recipe_compiler.carla.configuration import Reader, resolve
 from recipe_compiler.carla.draft import Data, Draft, name_for, text_of
 from recipe_compiler.carla.forms import collector, oscar
 from recipe_compiler.carla.forms.specs import unread_classes
 from recipe_compiler.carla.placement import Site
-from recipe_compiler.carla.report import Node, Report, key_of
+from recipe_compiler.carla.report import Node, Path, Report, key_of
 from recipe_compiler.carla.scene import Scene
 from recipe_compiler.carla.settings import COLLECTOR, OSCAR, Form
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
@@ -166,8 +166,8 @@ class _Import:
         merger, merged = Merger(), Value({}, self.source.root.place)
         for each in [*self.sources.settings, self.source]:
             merged = merger.merge(merged, each.root)
-        root, references = resolve(Value(merged.data, self.source.root.place, merged.keys))
-        self.reader.problems += references.problems
+        merged = Value(merged.data, self.source.root.place, merged.keys)
+        root, references = resolve(merged, self.reader.problems)
         node = Node.root(root)
         form = OSCAR if _is_oscar(root) else COLLECTOR
         self.draft.set("recipe", self.name)
@@ -180,7 +180,7 @@ class _Import:
         report = self._report(references, notes, node)
         return Imported(self.name, text_of(self.draft, report), report)
 
-    def _fill(self, node: Node, form: Form, references: References, town: str | None) -> list[str]:
+    def _fill(self, node: Node, form: Form, references: dict[Path, Path], town: str | None) -> list[str]:
         """Write all parts of the recipe and return the notes of the report; or report problems."""
         found = settings.read(self.reader, node, form, self.draft, town)
         self._write_weather(node, form)
@@ -191,7 +191,7 @@ class _Import:
             self.reader.reject(place, "the configuration has no camera", remedy, Code.MISSING_KEY)
         if found is None:
             return []
-        scene = Scene(self.reader, self.draft, found, specs, references.targets, Site(found.town))
+        scene = Scene(self.reader, self.draft, found, specs, references, Site(found.town))
         scene.prepare()
         if self.reader.problems:
             return []
@@ -224,28 +224,29 @@ class _Import:
             axis[value] = {"weather": weather.read(self.reader, parameters, f"deltas.weather.{value}.weather")}
         self.draft.set("deltas.weather", axis)
 
-    def _report(self, references: References, notes: list[str], root: Node) -> Report:
+    def _report(self, references: dict[Path, Path], notes: list[str], root: Node) -> Report:
         """Return the report, with an entry for each scalar of each file."""
         ledger = self.reader.ledger
+        users = {target: path for path, target in reversed(references.items())}  # the first reference to a value
         sources = [*self.sources.settings, self.source, *(source for source, _ in self.sources.weathers)]
         for source in sources:
             for child in unread_classes(Node.root(source.root)):
                 ledger.ignored(child, "a class name, which its keys imply")
             for leaf in Node.root(source.root).leaves():
                 if not ledger.has(leaf):
-                    self._note_rest(leaf, references, root)
+                    self._note_rest(leaf, references, users, root)
         order = {source.path: number for number, source in enumerate(sources)}
         rows = sorted(ledger.rows.values(), key=lambda row: (order[row.place.file], row.place.line, row.place.column))
         files = dict.fromkeys(PurePath(source.path).name for source in [self.source, *sources])
         return Report(self.name, tuple(files), tuple(notes), tuple(rows), tuple(ledger.defaults))
 
-    def _note_rest(self, leaf: Node, references: References, root: Node) -> None:
+    def _note_rest(self, leaf: Node, references: dict[Path, Path], users: dict[Path, Path], root: Node) -> None:
         """Record the outcome of a scalar that no part of the import has read."""
         ledger, path = self.reader.ledger, leaf.path
-        if path in references.targets:
-            ledger.mapped(leaf, "", f"the value of {key_of(references.targets[path])}", "a reference, resolved")
+        if path in references:
+            ledger.mapped(leaf, "", f"the value of {key_of(references[path])}", "a reference, resolved")
             return
-        user = next((references.users[path[:n]] for n in range(len(path) + 1) if path[:n] in references.users), None)
+        user = next((users[path[:n]] for n in range(len(path) + 1) if path[:n] in users), None)
         if user is not None:
             ledger.mapped(leaf, "", f"used by {key_of(user)}", "through a reference")
         elif leaf.value.data is None:

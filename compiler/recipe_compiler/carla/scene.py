@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Draft, name_for
@@ -77,7 +77,7 @@ class Scene:
 
     def world(self, pose: Pose) -> Pose:
         """A pose of the world frame, moved to its place in the town."""
-        return Pose(pose.x + self.vector[0], pose.y + self.vector[1], pose.z, pose.yaw, pose.pitch, pose.roll)
+        return replace(pose, x=pose.x + self.vector[0], y=pose.y + self.vector[1])
 
     def mount(self, spec: Spec) -> Pose | None:
         """Return the pose of a sensor: in the frame of the actor that it is attached to, or in the world.
@@ -108,7 +108,7 @@ class Scene:
     def pose_on(self, parent: Spec, own: Pose) -> Pose | None:
         """Return a pose, given in a parent's frame, in the frame of the actor that carries it or in the world."""
         if parent.kind == "walker":
-            return Pose(own.x, own.y, own.z + WALKER_ORIGIN, own.yaw, own.pitch, own.roll)
+            return replace(own, z=own.z + WALKER_ORIGIN)
         if parent.kind == "vehicle":
             return own
         base = self.mount(parent)
