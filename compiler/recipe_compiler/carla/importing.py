@@ -210,10 +210,8 @@ class _Import:
     def _write_weather(self, node: Node, form: Form) -> None:
         """Write the weather of the configuration, and an axis with the weather files."""
         own = self.reader.map(node.get(*form.weather))
-        given = {} if own is None else weather.read(self.reader, own, "base.weather")
         defaults = weather.OSCAR if form is OSCAR and own is None else weather.COLLECTOR
-        full: dict[str, Data] = weather.complete(self.reader, given, defaults, "base.weather")
-        self.draft.set("base.weather", full)
+        self.draft.set("base.weather", weather.read(self.reader, own, "base.weather", defaults))
         if not self.sources.weathers:
             return
         axis: dict[str, Data] = {}

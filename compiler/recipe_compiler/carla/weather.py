@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Data
 from recipe_compiler.carla.report import Node
@@ -15,45 +17,32 @@ OSCAR = COLLECTOR | {"cloudiness": 25.0, "sun_altitude_angle": 20.0}
 """OSCAR's default weather, from its configs/context/default.yaml."""
 
 
-def read(reader: Reader, node: Node, to: str) -> dict[str, Data]:
+def read(reader: Reader, node: Node | None, to: str, defaults: Mapping[str, float] | None = None) -> dict[str, Data]:
     """Read the weather parameters of a map.
 
     Args:
         reader: collects problems and outcomes.
-        node: the map.
+        node: the map; None if it is absent.
         to: the path of the weather in the recipe.
+        defaults: the values of all parameters that are not given; None: leave these out.
     """
     found: dict[str, Data] = {}
     for parameter in COLLECTOR:
-        child = node.get(parameter)
+        child = None if node is None else node.get(parameter)
         value = reader.number(child)
-        if child is None or value is None:
-            continue
-        valid, why = _clamped(parameter, value)
-        found[parameter] = valid
-        reader.ledger.record(child, f"{to}.{parameter}", valid, why)
-    for child in node.children():
+        if value is not None:
+            valid, why = _clamped(parameter, value)
+            found[parameter] = valid
+            reader.ledger.record(child, f"{to}.{parameter}", valid, why)
+        elif defaults is not None:
+            found[parameter] = defaults[parameter]
+            reader.ledger.default(f"{to}.{parameter}", defaults[parameter], "not given: the collector's default")
+    for child in node.children() if node is not None else ():
         if child.path[-1] not in COLLECTOR and child.path[-1] != "_target_":
             meant = near(str(child.path[-1]), COLLECTOR)
             hint = f", did you mean {meant}?" if meant else ""
             reader.ledger.ignored(child, f"CARLA has no such weather parameter{hint}")
     return found
-
-
-def complete(reader: Reader, given: dict[str, Data], defaults: dict[str, float], to: str) -> dict[str, Data]:
-    """Return all parameters.
-
-    Args:
-        reader: collects the defaults that are used.
-        given: the parameters of the configuration.
-        defaults: the values of all parameters that are not given.
-        to: the path of the weather in the recipe.
-    """
-    for parameter in COLLECTOR:
-        if parameter not in given:
-            why = "not given: the collector's default"
-            reader.ledger.default(f"{to}.{parameter}", defaults[parameter], why)
-    return {parameter: given.get(parameter, defaults[parameter]) for parameter in COLLECTOR}
 
 
 def _clamped(parameter: str, value: float) -> tuple[float, str]:
