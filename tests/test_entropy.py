@@ -22,9 +22,6 @@ ALLOWED_IMPORTS = {
     ("recipe_compiler/checks/references.py", "datetime"): "validation of a recipe's date; never the clock",
 }
 ALLOWED_ADDRESSES = {
-    "recipe_compiler/carla/actors.py": "id() as a key: a named entry of the configuration, kept alive",
-    "recipe_compiler/carla/scene.py": "id() as a key: a named entry of the configuration, kept alive",
-    "recipe_compiler/carla/sensors.py": "id() as a key: a grouped entry of the configuration, kept alive",
     "recipe_compiler/checks/check.py": "id() as a key: a checked section, kept alive",
     "recipe_compiler/lowering/caps.py": "id() as a key: sections that were counted, kept alive",
     "recipe_compiler/source/merge.py": "id() as a key: merged values, kept alive",

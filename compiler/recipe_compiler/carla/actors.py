@@ -41,10 +41,9 @@ def write(scene: Scene) -> None:
 
 
 def _write_actor(scene: Scene, spec: Spec) -> None:
-    name = scene.name(spec)
-    to = f"base.actors.{name}"
+    to = f"base.actors.{spec.name}"
     ledger = scene.reader.ledger
-    found = blueprints.closest_match(spec.blueprint, spec.kind, scene.settings.seed, name)
+    found = blueprints.closest_match(spec.blueprint, spec.kind, scene.settings.seed, spec.name)
     if found is None:
         message = f"CARLA has no {spec.kind} {show(spec.blueprint)}"
         remedy = f"write a blueprint of its catalogue, or {spec.kind}.*"
@@ -143,10 +142,8 @@ def _colour(text: str) -> str:
 def _write_patch(scene: Scene, spec: Spec) -> None:
     """Write a patch as a free-standing board in the mode `green`, the colour of OSCAR's screen."""
     reader, ledger = scene.reader, scene.reader.ledger
-    taken = [*scene.names.values()]
-    name = name_for(spec.wanted_name or "patch", taken, "patch")
-    scene.names[id(spec)] = name
-    to = f"base.patches.{name}"
+    spec.name = name_for(spec.wanted_name or "patch", [each.name for each in scene.specs], "patch")
+    to = f"base.patches.{spec.name}"
     size: dict[str, float] = {}
     for key in ("width", "height"):
         node = spec.attributes.get(key)
@@ -221,7 +218,7 @@ def _add_view(scene: Scene, node: Node, traffic: dict[str, Data]) -> None:
     sensor = next((each for each in scene.of_kind("sensor") if each.node.path == target), None)
     if sensor is None:
         scene.reader.ledger.ignored(node, "it does not refer to a camera of this configuration")
-    elif traffic.setdefault("near", scene.name(sensor)) == scene.name(sensor):
+    elif traffic.setdefault("near", sensor.name) == sensor.name:
         why = "of several free starts, the one most likely to be in view is chosen"
         scene.reader.ledger.mapped(node, "base.traffic.near", traffic["near"], why)
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Draft, name_for
@@ -33,8 +33,6 @@ class Scene:
         references: the path of the value that each reference names, by the path of the reference.
         site: the town.
         vector: the shift of all world positions, x and y in metres.
-        names: the name of each entry in the recipe, by `id`.
-        parents: the entry to which each sensor is attached, by `id`.
     """
 
     reader: Reader
@@ -44,20 +42,10 @@ class Scene:
     references: Mapping[Path, Path]
     site: Site
     vector: XY = (0.0, 0.0)
-    names: dict[int, str] = field(default_factory=dict)
-    parents: dict[int, Spec] = field(default_factory=dict)
 
     def of_kind(self, *kinds: str) -> list[Spec]:
         """The entries of some kinds."""
         return [spec for spec in self.specs if spec.kind in kinds]
-
-    def name(self, spec: Spec) -> str:
-        """The name of an entry in the recipe."""
-        return self.names[id(spec)]
-
-    def parent(self, spec: Spec) -> Spec | None:
-        """The entry to which a sensor is attached."""
-        return self.parents.get(id(spec))
 
     def prepare(self) -> None:
         """Name the entries, resolve attachments and choose the shift; or report a problem if there are too many."""
@@ -86,7 +74,7 @@ class Scene:
             None if it has neither a transform nor a parent.
         """
         own = spec.transform.pose if spec.transform is not None else Pose()
-        parent = self.parent(spec)
+        parent = spec.parent
         if self.follows_road(spec):
             return self._on_road(spec, own)
         if parent is None:
@@ -95,7 +83,7 @@ class Scene:
 
     def follows_road(self, spec: Spec) -> bool:
         """Return whether a sensor follows the lanes of the town."""
-        return spec.route is not None and self.parent(spec) is None
+        return spec.route is not None and spec.parent is None
 
     def _on_road(self, spec: Spec, own: Pose) -> Pose:
         """Return the start pose of a sensor that follows the road: on the nearest lane, with the route's angles."""
@@ -116,9 +104,9 @@ class Scene:
 
     def actor_of(self, spec: Spec) -> Spec | None:
         """Return the actor that a sensor is attached to, directly or through other sensors; None if there is none."""
-        parent = self.parent(spec)
+        parent = spec.parent
         while parent is not None and parent.kind not in ACTORS:
-            parent = self.parent(parent)
+            parent = parent.parent
         return parent
 
     def note(self, transform: Transform, to: str, pose: Pose, axes: Sequence[str], moved: Mapping[str, float]) -> None:
@@ -166,7 +154,8 @@ class Scene:
         texts = [*(text for _, text in roles), *(spec.wanted_name for spec in specs)]
         name = name_for(next(filter(None, texts), fallback), taken, fallback)
         taken.append(name)
-        self.names |= {id(spec): name for spec in specs}
+        for spec in specs:
+            spec.name = name
         for role, text in roles:
             self.reader.ledger.record(role, f"{to}.{name}", name, "" if text == name else why)
         return name
@@ -196,7 +185,7 @@ class Scene:
                 if spec.kind != "sensor" and parent is not None:
                     ledger.ignored(spec.role, "only sensors can be attached to an actor")
             if spec.kind == "sensor" and parent is not None:
-                self.parents[id(spec)] = parent
+                spec.parent = parent
         for spec in self.of_kind("sensor"):
             self._check_chain(spec)
         for spec in self.of_kind("sensor"):
@@ -216,15 +205,15 @@ class Scene:
         """Report a sensor that is attached to itself, or through so many sensors that its pose takes too long."""
         last: Spec | None = spec
         for _ in range(_MAX_CHAIN):
-            last = None if last is None else self.parent(last)
+            last = None if last is None else last.parent
         if last is not None:
-            del self.parents[id(spec)]
+            spec.parent = None
             message = f"it is attached to itself, or through more than {_MAX_CHAIN} sensors"
             self.reader.reject(spec.role or spec.node, message, "attach it to an actor")
 
     def _copy_motion_of_parent(self, spec: Spec) -> None:
         """Give a sensor that is attached to a moving sensor, without an offset, the same pose and motion."""
-        parent = self.parent(spec)
+        parent = spec.parent
         if parent is None or parent.kind != "sensor":
             return
         self._copy_motion_of_parent(parent)
@@ -242,16 +231,14 @@ class Scene:
             self.reader.ledger.mapped(leaf, "", f"the pose of {parent.node.key}", "it is attached to that sensor")
         spec.role, spec.transform, spec.goal, spec.speed = None, parent.transform, parent.goal, parent.speed
         spec.jitter, spec.route, spec.attachment = parent.jitter, parent.route, parent.attachment
-        del self.parents[id(spec)]
-        if (grandparent := self.parent(parent)) is not None:
-            self.parents[id(spec)] = grandparent
+        spec.parent = parent.parent
 
     def _points(self) -> list[Point]:
         """Return the world positions of the configuration before the shift."""
         points = []
         for spec in self.specs:
             start = spec.transform or (spec.goal if spec.kind == "walker" else None)
-            if start is None or self.parent(spec) is not None or spec.kind not in ("walker", "vehicle", "sensor"):
+            if start is None or spec.parent is not None or spec.kind not in ("walker", "vehicle", "sensor"):
                 continue
             goal = spec.goal if spec.transform is not None and spec.kind != "vehicle" and spec.route is None else None
             to = None if goal is None else (goal.pose.x, goal.pose.y)

@@ -58,13 +58,14 @@ def write(scene: Scene) -> None:
 def _key(scene: Scene, spec: Spec, attributes: cameras.Attributes) -> tuple[object, ...]:
     """Return the parent, pose, motion and geometry of a sensor; sensors with equal keys become one."""
     pose, actor = scene.mount(spec), scene.actor_of(spec)
-    at = id(spec) if pose is None else tuple(round(getattr(pose, axis), 6) for axis in (*POSITION, *ANGLES))
+    at = spec.node.path if pose is None else tuple(round(getattr(pose, axis), 6) for axis in (*POSITION, *ANGLES))
     ranges = () if spec.transform is None else tuple((n.low, n.high) for n in spec.transform.numbers.values())
     goal = None if spec.goal is None else tuple(spec.goal.numbers[axis].middle for axis in POSITION)
     moves = (goal, _plain(spec.speed), _plain(spec.jitter), _plain(spec.attachment), _plain(spec.route))
     tick = _plain(spec.attributes.get("sensor_tick"))
     lens = tuple(attributes[name][0] if name in attributes else cameras.DEFAULTS.get(name) for name in cameras.GEOMETRY)
-    return (id(actor), at, ranges if any(low != high for low, high in ranges) else (), *moves, tick, lens)
+    on = "" if actor is None else actor.name
+    return (on, at, ranges if any(low != high for low, high in ranges) else (), *moves, tick, lens)
 
 
 def _plain(node: Node | None) -> str:
@@ -95,7 +96,7 @@ def _write(scene: Scene, group: _Group, name: str) -> None:
 def _write_mount(scene: Scene, group: _Group, to: str) -> None:
     spec = group.specs[0]
     pose, actor = scene.mount(spec), scene.actor_of(spec)
-    mount: dict[str, Data] = {} if actor is None else {"on": scene.name(actor)}
+    mount: dict[str, Data] = {} if actor is None else {"on": actor.name}
     if pose is None:
         pose = _at_spawn_point(scene, spec)
         at = {axis: getattr(pose, axis) for axis in (*POSITION, "yaw")}
@@ -113,7 +114,7 @@ def _write_mount(scene: Scene, group: _Group, to: str) -> None:
 
 def _at_spawn_point(scene: Scene, spec: Spec) -> Pose:
     spots = scene.site.town.spots["vehicle"]
-    spot = Stream(scene.settings.seed, "carla", scene.name(spec), "spawn").choice(spots)
+    spot = Stream(scene.settings.seed, "carla", spec.name, "spawn").choice(spots)
     return Pose(spot.x, spot.y, spot.z + _SPAWN_HEIGHT, spot.yaw)
 
 
@@ -124,9 +125,9 @@ def _note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
         return
     if spec.transform is None:
         return
-    parent = scene.parent(spec)
+    parent = spec.parent
     if parent is not None and parent.kind == "sensor":
-        why = f"given in the frame of {scene.name(parent)}, another sensor"
+        why = f"given in the frame of {parent.name}, another sensor"
         for axis, number in spec.transform.numbers.items():
             scene.note_number(number, f"{to}.{axis}", round(getattr(pose, axis), 6), why)
         return
@@ -140,7 +141,7 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
         ledger.mapped(spec.role, to, "its pose", "the frame of a sensor that is fixed in the world")
     elif spec.role is not None:
         why = "the actor with that role, or the actor that its sensor is attached to"
-        name = scene.name(actor)
+        name = actor.name
         ledger.record(spec.role, f"{to}.on", name, "" if scene.reader.text(spec.role) == name else why)
     kind = scene.reader.text(spec.attachment)
     if kind is None or spec.attachment is None:
@@ -152,7 +153,7 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
     elif actor is None:
         ledger.ignored(spec.attachment, "this sensor is not attached to an actor")
     elif wanted == "rigid":
-        ledger.mapped(spec.attachment, f"{to}.on", scene.name(actor), "a sensor on an actor is fixed to it")
+        ledger.mapped(spec.attachment, f"{to}.on", actor.name, "a sensor on an actor is fixed to it")
     elif not (mount["x"] or mount["y"]):
         ledger.ignored(spec.attachment, "an arm of zero length: the sensor is fixed to the actor")
     else:
@@ -202,7 +203,7 @@ def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
 def _linear(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
     """Return the linear motion of a sensor to its destination; the collector's speed is in metres per frame."""
     assert spec.goal is not None
-    goal, parent = spec.goal, scene.parent(spec)
+    goal, parent = spec.goal, spec.parent
     pose = scene.world(goal.pose) if parent is None else scene.pose_on(parent, goal.pose) or goal.pose
     end = {axis: round(getattr(pose, axis), 6) for axis in POSITION}
     is_moved = parent is None and scene.vector != (0.0, 0.0)

@@ -26,14 +26,6 @@ VALUES: list[Any] = [
 NAMES = ("every_key", "mobile_sensors", "following", "two_rigs", "aliases", "oscar_scene", "oscar_actors", "tracking")
 
 
-def plain(name: str) -> Plain:
-    """Return a configuration as plain data."""
-    path = PAPER[0] if name == "paper" else CONFIGS / f"{name}.yaml"
-    root, problems = yaml_reader.parse(path.read_bytes(), name)
-    assert root is not None and not problems
-    return root.plain
-
-
 def paths(value: Plain, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
     """Return the paths of all values below a value."""
     children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
@@ -42,7 +34,9 @@ def paths(value: Plain, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str 
         yield from paths(child, (*path, key))
 
 
-CONFIGURATIONS = {name: plain(name) for name in (*NAMES, "paper")}
+FILES = [PAPER[0], *(CONFIGS / f"{name}.yaml" for name in NAMES)]
+PARSED = {path.stem: yaml_reader.parse(path.read_bytes(), path.name)[0] for path in FILES}
+CONFIGURATIONS = {name: root.plain for name, root in PARSED.items() if root is not None}
 PATHS = {name: list(paths(value)) for name, value in CONFIGURATIONS.items()}
 
 

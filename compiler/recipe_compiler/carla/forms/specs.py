@@ -64,6 +64,8 @@ class Spec:
         modalities: of a sensor, its modalities, each with the value that names it.
         stands: whether it does not move.
         route: of a sensor, the map with the parameters of its route along the road.
+        name: its name in the recipe, once it is chosen.
+        parent: of a sensor, the entry that it is attached to, once it is known.
     """
 
     node: Node
@@ -82,6 +84,8 @@ class Spec:
     modalities: tuple[tuple[str, Node], ...] = ()
     stands: bool = False
     route: Node | None = None
+    name: str = ""
+    parent: Spec | None = None
 
 
 def read_transform(reader: Reader, node: Node | None, *, ranges: bool) -> Transform | None:
