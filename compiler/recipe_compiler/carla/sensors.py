@@ -98,7 +98,9 @@ def _write_mount(scene: Scene, group: _Group, to: str) -> None:
     pose, actor = scene.mount(spec), scene.actor_of(spec)
     mount: dict[str, Data] = {} if actor is None else {"on": actor.name}
     if pose is None:
-        pose = _at_spawn_point(scene, spec)
+        spots = scene.site.town.spots["vehicle"]
+        spot = Stream(scene.settings.seed, "carla", spec.name, "spawn").choice(spots)
+        pose = Pose(spot.x, spot.y, spot.z + _SPAWN_HEIGHT, spot.yaw)
         at = {axis: getattr(pose, axis) for axis in (*POSITION, "yaw")}
         why = "no transform is given, so the collector chooses a random spawn point: one of this town, by seed and name"
         scene.reader.ledger.default(to, at, why)
@@ -110,12 +112,6 @@ def _write_mount(scene: Scene, group: _Group, to: str) -> None:
     for each in group.specs:
         _note_mount(scene, each, pose, to)
         _note_attachment(scene, each, mount, to)
-
-
-def _at_spawn_point(scene: Scene, spec: Spec) -> Pose:
-    spots = scene.site.town.spots["vehicle"]
-    spot = Stream(scene.settings.seed, "carla", spec.name, "spawn").choice(spots)
-    return Pose(spot.x, spot.y, spot.z + _SPAWN_HEIGHT, spot.yaw)
 
 
 def _note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:

@@ -43,7 +43,8 @@ def closest_match(name: str, kind: str, seed: int, actor: str) -> tuple[str, str
     number = name.removeprefix("walker.pedestrian.")
     if number != name and number.isdigit():
         return _person(int(number)), "the library's people differ from CARLA's; this one has the same age"
-    if _all_are(name, kind):
+    found = blueprints.match(name)
+    if found and all(each.id.startswith(f"{kind}.") for each in found):
         return name, ""
     matches = sorted(each for each in _CLOSEST if fnmatchcase(each, name) and each.startswith(f"{kind}."))
     if not matches:
@@ -53,12 +54,6 @@ def closest_match(name: str, kind: str, seed: int, actor: str) -> tuple[str, str
     if kind == "walker":
         return _person(int(chosen.rsplit(".", 1)[1])), f"{chosen}{several}: another person of that age in the library"
     return _CLOSEST[chosen], f"{chosen}{several}: vehicles of that kind in the library"
-
-
-def _all_are(glob: str, kind: str) -> bool:
-    """Return whether a glob matches blueprints of the library, all of them of a kind."""
-    found = blueprints.match(glob)
-    return bool(found) and all(each.id.startswith(f"{kind}.") for each in found)
 
 
 def _person(number: int) -> str:

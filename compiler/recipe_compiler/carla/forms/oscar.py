@@ -59,17 +59,19 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec],
     modalities = _modalities(reader, node, kind)
     if kind == "Sensor" and not modalities:
         return
+    is_actor = kind in ("Walker", "Vehicle")
+    named = (reader.text(node.get("name")) or "*") if is_actor else ""
     spec = Spec(
         node=node,
         kind=_KINDS[kind],
-        blueprint=_blueprint(reader, node, kind),
-        name_node=node.get("name") if kind in ("Walker", "Vehicle") else None,
+        blueprint=f"{kind.lower()}.{named}",
+        name_node=node.get("name") if is_actor else None,
         attributes={str(c.path[-1]): c for c in node.children() if c.path[-1] not in (*_NOT_ATTRIBUTES, *_HYDRA)},
         wanted_name=name,
         transform=read_transform(reader, node.get("transform"), ranges=True),
         container=container,
         modalities=modalities,
-        stands=kind in ("Walker", "Vehicle"),
+        stands=is_actor,
     )
     spec.speed = spec.attributes.pop("speed", None) if kind != "Camera" else None
     specs.append(spec)
@@ -78,13 +80,6 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec],
             _control(reader, child, spec)
         else:
             _read(reader, child, spec, specs, "")
-
-
-def _blueprint(reader: Reader, node: Node, kind: str) -> str:
-    if kind not in ("Walker", "Vehicle"):
-        return f"sensor.{kind.lower()}"
-    name = reader.text(node.get("name"))
-    return f"{kind.lower()}.{'*' if name is None else name}"
 
 
 def _modalities(reader: Reader, node: Node, kind: str) -> tuple[tuple[str, Node], ...]:
