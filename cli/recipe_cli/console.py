@@ -13,7 +13,8 @@ import re
 import shutil
 import sys
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TextIO
 
@@ -79,6 +80,17 @@ def say(*parts: str | Styled, err: bool = False) -> None:
 def note(text: str) -> None:
     """Print a remark on standard error."""
     say(f"note: {text}", err=True)
+
+
+@contextmanager
+def held_notes() -> Iterator[Callable[[str], None]]:
+    """Yield a function that takes remarks, and print them after the block, when its progress is over or it failed."""
+    texts: list[str] = []
+    try:
+        yield texts.append
+    finally:
+        for text in texts:
+            note(text)
 
 
 def say_table(rows: Sequence[Sequence[str]]) -> None:

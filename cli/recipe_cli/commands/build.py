@@ -29,7 +29,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.build_report import Outcome
-from recipe_cli.console import note, print_json, say, warn
+from recipe_cli.console import held_notes, note, print_json, say, warn
 from recipe_cli.host_limits import free_disk
 from recipe_cli.lockfile_paths import lockfile_path, read_lockfile, source_of
 from recipe_cli.places import check_default_folder, check_utf8, recipe_files
@@ -69,7 +69,7 @@ class Inputs:
     compiled: Compiled
     folder: Path
     lock: tuple[Path, Lockfile] | None
-    files: RecipeFiles | None  # None: the recipe has more variants than the dataset
+    files: RecipeFiles | None  # None: the dataset does not contain its recipe
     target: Target | None
 
 
@@ -202,11 +202,11 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
     """Build the dataset, copy it to a URL if one was given, and compare it with the lockfile."""
     from recipe_runtime.build.pipeline import BuildOptions, build
 
-    compiled, target, reasons, notices = inputs.compiled, inputs.target, list[str](), list[str]()
+    compiled, target, reasons = inputs.compiled, inputs.target, list[str]()
     # 0: as many as the cluster has room for. Counting this host's raises before the work if there is no such device.
     workers = (request.workers or 0) if request.ray else worker_count(request.workers, request.device)
     kept = partial(build_report.interruption, compiled.plan, inputs.folder, request.repair, target)
-    with interruptible(kept), Progress() as progress, _runner(request.ray) as run:
+    with interruptible(kept), held_notes() as notice, Progress() as progress, _runner(request.ray) as run:
         options = BuildOptions(
             workers=workers,
             progress=progress,
@@ -218,12 +218,10 @@ def _build(request: Request, inputs: Inputs) -> Outcome:
             source=request.source,
             replace=request.replace,
             recipe_files=inputs.files,
-            notice=notices.append,
+            notice=notice,
         )
         result = build(compiled.plan, inputs.folder, options)
-        copied = target.put(progress, replace=request.replace, notice=notices.append) if target else None
-    for text in notices:
-        note(text)
+        copied = target.put(progress, replace=request.replace, notice=notice) if target else None
     differences = _lockfile_differences(inputs.lock, request.recipe, compiled, result)
     return Outcome(inputs.folder, result, request.repair, reasons, target, copied, differences)
 

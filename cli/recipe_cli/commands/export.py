@@ -8,7 +8,7 @@ import click
 from recipe_runtime.transfer import formats
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, Command, LocalPath, output_option, replace_option
-from recipe_cli.console import note, print_json, say, warn
+from recipe_cli.console import held_notes, note, print_json, say, warn
 from recipe_cli.host_limits import check_bytes, check_cost
 from recipe_cli.progress import Progress
 
@@ -62,12 +62,12 @@ def command(
 
     chosen = formats.declared(form)
     chosen.key(form, options)  # refuses invalid values before the dataset is read
-    found, notices = read(dataset), list[str]()
+    found = read(dataset)
     check_bytes(found, copies=chosen.copies, more=chosen.more_bytes(found.plan), allow_large=allow_large)
     check_cost(found.plan, found.name, "give --allow-large if that is expected", allow_large=allow_large)
-    with Progress(quiet=as_json) as progress:
-        made = export(found, folder, form, progress, options=options, replace=replace, notice=notices.append)
-    for text in [*notices, *made.remarks.notes]:
+    with held_notes() as notice, Progress(quiet=as_json) as progress:
+        made = export(found, folder, form, progress, options=options, replace=replace, notice=notice)
+    for text in made.remarks.notes:
         note(text)
     warn(*made.remarks.warnings)
     if as_json:

@@ -249,7 +249,7 @@ class AppearancePlan(Plan):
     """What colour everything has."""
 
     version: Literal[1] = 1
-    seed: Annotated[int, Field(ge=0, lt=1 << 64)]  # for rain, sensor noise and lit windows
+    seed: Annotated[int, Field(ge=0, lt=1 << 53)]  # for rain, sensor noise and lit windows
     weather: Weather
     sun: Sun
     looks: Looks

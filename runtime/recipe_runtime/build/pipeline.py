@@ -29,13 +29,13 @@ from recipe_runtime.build.repair import Examined, examine
 from recipe_runtime.build.resume import Runner, render_unfinished
 from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
 from recipe_runtime.build.worker import Job
-from recipe_runtime.build.workspace import Workspace
+from recipe_runtime.build.workspace import REMEDY, Workspace
 from recipe_runtime.cache import pruning
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import subprocesses
-from recipe_runtime.core.files import plain_path
+from recipe_runtime.core.files import host_errors, plain_path
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.staged_folder import Notice, StagedFolder, check_place, ignore
+from recipe_runtime.core.staged_folder import Notice, StagedFolder, check_apart, check_place, ignore
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset.assembly import FrameAssembly
@@ -129,7 +129,8 @@ def build(dataset: DatasetPlan, out: Path, options: BuildOptions = BuildOptions(
     store, source = Store(options.cache), options.source
     check_plan(dataset)
     check_readable(dataset)
-    StagedFolder(out, FILES, notice=options.notice).settle()
+    with host_errors(str(out), REMEDY):
+        StagedFolder(out, FILES, notice=options.notice).settle()
     manifest = read_or_none(out)
     examined = examine(dataset, out, options.progress) if options.repair else None
     damage = examined.damage if examined else ()
@@ -138,6 +139,7 @@ def build(dataset: DatasetPlan, out: Path, options: BuildOptions = BuildOptions(
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_place(out)
+    check_apart(out, store.root, "the cache")
     if not options.replace:
         provenance.check_replaceable(out, manifest, dataset, source)
     # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
@@ -145,7 +147,7 @@ def build(dataset: DatasetPlan, out: Path, options: BuildOptions = BuildOptions(
     with (
         pruning.leased(store.root),
         Workspace(
-            dataset, out, store.root, replace=options.replace, repair=options.repair, notice=options.notice
+            dataset, out, store.root, replace=options.replace, repair=examined is not None, notice=options.notice
         ) as work,
     ):
         stages = _Stages(dataset, options, store, examined)

@@ -34,7 +34,7 @@ from recipe_runtime.dataset.manifest import head
 from recipe_runtime.dataset.manifest_reader import FILES
 from recipe_runtime.dataset.schedule import Shard, View
 
-_REMEDY = "free some space or allow writing, then build again: what is done is kept"
+REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
 class Workspace:
@@ -146,4 +146,4 @@ class Workspace:
                 path.unlink()
 
     def _reported(self, path: str = "") -> AbstractContextManager[None]:
-        return host_errors(f"{self._folder.partial}: {path}" if path else str(self._folder.partial), _REMEDY)
+        return host_errors(f"{self._folder.partial}: {path}" if path else str(self._folder.partial), REMEDY)

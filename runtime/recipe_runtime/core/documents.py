@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias, TypeVar
 
 import msgspec
 from msgspec import Meta as Meta
+from msgspec import Raw as Raw
 
 T = TypeVar("T")
 
@@ -32,7 +33,7 @@ Matrix4: TypeAlias = Annotated[list[Four], Meta(min_length=4, max_length=4)]
 Sha256: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", max_length=64)]
 
 
-def decode(body: bytes, kind: type[T]) -> T:
+def decode(body: bytes | Raw, kind: type[T]) -> T:
     """Decode a JSON document into a type.
 
     The last value of a repeated key counts, and a TypedDict ignores unknown keys; `decode_exactly` refuses both.

@@ -34,6 +34,7 @@ from recipe_runtime.core.files import (
     open_folder,
     regular_file,
     remove_tree,
+    resolved,
 )
 from recipe_runtime.core.outputs import suffixes
 
@@ -81,6 +82,24 @@ def check_place(out: Path) -> None:
             help="change to another folder, or choose another one",
             code=Code.OUTPUT_IN_THE_WAY,
         )
+
+
+def check_apart(out: Path, other: Path, what: str) -> None:
+    """Check that neither of two folders is the other one or in it; links and mounts are followed.
+
+    Args:
+        out: the output folder.
+        other: the other folder.
+        what: what it is, for the message: `where the dataset is built`.
+
+    Raises:
+        InputError: they are not apart.
+    """
+    here, there = resolved(other), resolved(out)
+    same = there.exists() and here.exists() and there.samefile(here)
+    if same or here.is_relative_to(there) or there.is_relative_to(here):
+        message = f"{out} is not apart from {other}, {what}"
+        raise InputError(message, help="choose a folder outside of it", code=Code.OUTPUT_IN_THE_WAY)
 
 
 def is_free(out: Path) -> bool:
@@ -190,6 +209,7 @@ class StagedFolder:
 
         A folder that is there is deleted if it holds no files but its own, and else kept as `NAME.replaced`.
         """
+        check_place(self.out)  # again: something may have appeared there
         try:
             if os.path.lexists(self.out):
                 self.out.rename(self._old)
@@ -224,8 +244,13 @@ class StagedFolder:
             remove_tree(self.files)
 
     def remove(self) -> None:
-        """Delete the work folder, the marker last, so that an interrupted removal can be completed."""
+        """Delete the work folder, the marker last, so that an interrupted removal can be completed.
+
+        A replaced folder that is still in it stays, with the marker: the next process completes the replacement.
+        """
         self.clear()
+        if is_folder(self._old) or is_folder(self._removed):
+            return
         self._marker.unlink(missing_ok=True)
         with suppress(OSError):  # the user has put a file there
             self.partial.rmdir()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO, TypedDict
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.documents import decode, decode_exactly
+from recipe_runtime.core.documents import Raw, decode, decode_exactly
 from recipe_runtime.core.files import open_inside
 from recipe_runtime.core.staged_folder import Index
 from recipe_runtime.dataset.manifest import FORMAT, listed_files
@@ -15,10 +15,20 @@ from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_checks import MAX_MANIFEST_BYTES
 
 MAX_BYTES = MAX_MANIFEST_BYTES
+_MAX_HEAD_BYTES = 8 << 20  # of a list of names
 
 
 class _Format(TypedDict):
     format: str
+
+
+class _Head(_Format, total=False):
+    """The parts whose short texts take many times their bytes in memory, not decoded."""
+
+    order: Raw
+    outputs: Raw
+    stages: Raw
+    tools: Raw
 
 
 class NotAManifestError(ValueError):
@@ -56,11 +66,14 @@ def parse(file: BinaryIO) -> Manifest:
     file.seek(0)
     body = file.read(size)
     try:
-        of_this_project = decode(body, _Format)["format"].startswith(FORMAT.rpartition("/")[0])
+        head = decode(body, _Head)
+        of_this_project = head["format"].startswith(FORMAT.rpartition("/")[0])
     except ValueError:
         of_this_project = False
     if not of_this_project:
         raise NotAManifestError("it does not say that it is a manifest of this project")
+    if any(isinstance(value, Raw) and len(bytes(value)) > _MAX_HEAD_BYTES for value in head.values()):
+        raise ValueError(f"it has lists of more than {_MAX_HEAD_BYTES:,} bytes")
     manifest = decode_exactly(body, Manifest)
     listed_files(manifest)
     if sorted(manifest["order"]) != sorted(manifest["variants"]):

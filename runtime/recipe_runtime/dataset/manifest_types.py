@@ -18,7 +18,7 @@ _Kind: TypeAlias = Annotated[str, Meta(pattern=f"^({'|'.join(DIGEST_KINDS)})$")]
 _Modalities: TypeAlias = Annotated[dict[_Kind, _Frames], Meta(min_length=1)]
 FrameDigests: TypeAlias = dict[_Name, _Modalities]  # by sensor
 Outputs: TypeAlias = Annotated[
-    dict[str, list[str] | str], Meta(max_length=100)
+    dict[_Name, list[_Name] | _Name], Meta(max_length=100)
 ]  # the annotation formats, and the form of each listed modality's files; `reader` checks them
 
 

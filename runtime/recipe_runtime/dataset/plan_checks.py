@@ -27,8 +27,8 @@ MAX_ROWS = 600_000  # digests of frames: one for labels and one per modality
 MAX_FILES = 600_000  # files of a dataset, each of which has a row in the manifest
 MAX_MANIFEST_BYTES = 192 << 20  # rows of as many files and digests, with names of usual length
 MAX_POSES = 300_000  # of all distinct rigs
-MAX_POINTS_IN_ALL = 300_000  # of the routes of all distinct scenes
-MAX_BOXES = 250_000  # that shorten the arms of a rig
+MAX_POINTS_IN_ALL = 300_000  # of the routes of all distinct scenes, and pauses at them
+MAX_BOXES = 250_000  # that shorten the arms of all distinct rigs
 MAX_STEPS = 100_000_000  # physics steps of all scenes
 _FILE_ROW_BYTES = 150  # of a file in the manifest, besides the names of variant and sensor in its path
 _DIGEST_ROW_BYTES = 82  # of a digest in the manifest
@@ -89,13 +89,29 @@ def _sums(dataset: DatasetPlan) -> Iterator[str]:
         (row_count(dataset), MAX_ROWS, "digests of frames"),
         (file_count(dataset), MAX_FILES, "files"),
         (manifest_bytes(dataset), MAX_MANIFEST_BYTES, "bytes of the manifest"),
-        (sum(len(sensor.poses) for rig in rigs.values() for sensor in rig.sensors), MAX_POSES, "poses of sensors"),
-        (sum(len(a.route) for scene in scenes for a in scene.actors), MAX_POINTS_IN_ALL, "points of routes"),
+        (sum(map(pose_count, rigs.values())), MAX_POSES, "poses of sensors"),
+        (sum(map(box_count, rigs.values())), MAX_BOXES, "boxes that shorten arms"),
+        (sum(map(point_count, scenes)), MAX_POINTS_IN_ALL, "points of routes"),
         (steps, MAX_STEPS, "steps of simulation"),
     )
     for number, most, what in numbers:
         if number > most:
             yield f"{number} {what} are over {most}; split the recipe into several"
+
+
+def pose_count(rig: RigPlan) -> int:
+    """Return the number of poses of a rig's sensors."""
+    return sum(len(sensor.poses) for sensor in rig.sensors)
+
+
+def box_count(rig: RigPlan) -> int:
+    """Return the number of boxes that shorten the arms of a rig."""
+    return sum(len(sensor.arm.obstacles) for sensor in rig.sensors if sensor.arm is not None)
+
+
+def point_count(scene: ScenePlan) -> int:
+    """Return the number of points of a scene's routes, and of pauses at them."""
+    return sum(len(actor.route) + len(actor.pauses) for actor in scene.actors)
 
 
 def row_count(dataset: DatasetPlan) -> int:
@@ -179,9 +195,6 @@ def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:
     actors, frames = {a.name for a in variant.scene.actors}, variant.scene.clock.frames
     if not rig.sensors:
         yield f"{variant.variant} has no sensor"
-    boxes = sum(len(sensor.arm.obstacles) for sensor in rig.sensors if sensor.arm is not None)
-    if boxes > MAX_BOXES:
-        yield f"{variant.variant}: {count(boxes, 'box', 'boxes')} that shorten arms are over {MAX_BOXES:,}"
     for sensor in rig.sensors:
         yield from (f"sensor {sensor.name}: {what}" for what in _sensor(sensor, actors, frames))
         if sensor.name not in variant.appearance.responses:

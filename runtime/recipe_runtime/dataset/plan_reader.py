@@ -21,7 +21,15 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import AppearancePlan, DatasetPlan, Looks, RigPlan, ScenarioPlan, ScenePlan, TownPlan
 
 from recipe_runtime.core.documents import decode
-from recipe_runtime.dataset.plan_checks import MAX_POINTS_IN_ALL, MAX_POSES, check_bounds
+from recipe_runtime.dataset.plan_checks import (
+    MAX_BOXES,
+    MAX_POINTS_IN_ALL,
+    MAX_POSES,
+    box_count,
+    check_bounds,
+    point_count,
+    pose_count,
+)
 
 MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan
@@ -32,6 +40,12 @@ _PARTS: dict[type[BaseModel], dict[str, type[BaseModel]]] = {
     ScenarioPlan: {"scene": ScenePlan, "rig": RigPlan, "appearance": AppearancePlan},
     ScenePlan: {"town": TownPlan},
     AppearancePlan: {"looks": Looks},
+}
+
+_COUNTED: dict[Callable[[Any], int], tuple[type[BaseModel], int, str]] = {
+    pose_count: (RigPlan, MAX_POSES, "poses of sensors"),
+    box_count: (RigPlan, MAX_BOXES, "boxes that shorten arms"),
+    point_count: (ScenePlan, MAX_POINTS_IN_ALL, "points of routes"),
 }
 
 
@@ -74,7 +88,8 @@ class PlanReader:
 
     def __init__(self) -> None:
         self._known: dict[tuple[type[BaseModel], bytes], BaseModel] = {}
-        self._bytes = self._poses = self._points = 0
+        self._bytes = 0
+        self._totals = dict.fromkeys(_COUNTED, 0)
 
     def read(self, body: bytes) -> ScenarioPlan:
         """Return the plan in a file's content; ValueError with a one-line message if it is invalid or too large."""
@@ -93,11 +108,10 @@ class PlanReader:
         key = model, hashlib.sha256(msgspec.json.encode(found)).digest()
         if key in self._known:
             return self._known[key]
-        # these become objects of many times their size
-        self._poses += sum(len(sensor.poses) for sensor in found.sensors) if model is RigPlan else 0
-        self._points += sum(len(actor.route) for actor in found.actors) if model is ScenePlan else 0
-        if self._poses > MAX_POSES or self._points > MAX_POINTS_IN_ALL:
-            raise ValueError(f"more than {MAX_POSES:,} poses of sensors or {MAX_POINTS_IN_ALL:,} points of routes")
+        for counter, (kind, most, what) in _COUNTED.items():  # these become objects of many times their size
+            self._totals[counter] += counter(found) if model is kind else 0
+            if self._totals[counter] > most:
+                raise ValueError(f"more than {most:,} {what}")
         fields = found if isinstance(found, dict) else msgspec.structs.asdict(found)
         for name, part in _PARTS.get(model, {}).items():
             fields[name] = self._part(part, fields[name])

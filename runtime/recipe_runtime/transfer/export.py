@@ -22,7 +22,7 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_runtime.core.documents import decode_exactly
 from recipe_runtime.core.files import entries_below, has_content, host_errors, is_folder, plain_path, read_inside
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.staged_folder import Index, Notice, StagedFolder, check_place, ignore, is_free
+from recipe_runtime.core.staged_folder import Index, Notice, StagedFolder, check_apart, check_place, ignore, is_free
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer import formats
 from recipe_runtime.transfer.formats.format import Entry, Options, Remarks, Row, Size
@@ -93,6 +93,7 @@ def export(
     form.check(dataset, options)
     out = plain_path(out)
     check_place(out)
+    check_apart(out, dataset.root, "which is exported")
     listed, owner = Index(INDEX, partial(_listed, dataset)), f"export of {dataset.plan.recipe}"
     with host_errors(str(out), _REMEDY):
         staged = StagedFolder(out, listed, owner=owner, replace=replace, notice=notice)

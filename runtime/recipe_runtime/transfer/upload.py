@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
@@ -22,9 +23,9 @@ from pathlib import Path
 from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, regular_file, resolved
+from recipe_runtime.core.files import file_sha256, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.staged_folder import StagedFolder, check_place, ignore
+from recipe_runtime.core.staged_folder import StagedFolder, check_apart, check_place, ignore
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import listed_files
 from recipe_runtime.dataset.manifest_reader import FILES
@@ -66,12 +67,14 @@ class Target:
         self._store, self._root = Store(url), root.absolute()
         self.url, self.folder = self._store.url, self._store.folder
         if self.folder is not None:
-            _check_apart(self.folder, root)
+            check_apart(self.folder, root, "where the dataset is built")
             check_place(self.folder)
         with self._reported():
             self._look()
-            if not self._sizes and self.folder is None:
-                self._store.write(MARKER, b"{}")  # fail before the build, not after it, if the place is not writable
+            if self.folder is not None:  # fail before the build, not after it, if the place is not writable
+                tempfile.TemporaryFile(dir=next(above for above in self.folder.parents if above.is_dir())).close()
+            elif not self._sizes:
+                self._store.write(MARKER, b"{}")
 
     def check_replaceable(self, recipe: str) -> None:
         """Check that an existing dataset here, complete or not, belongs to a recipe with this name.
@@ -206,15 +209,3 @@ class Target:
 
     def _reported(self) -> AbstractContextManager[None]:
         return self._store.reported("try again: uploaded files are kept")
-
-
-def _check_apart(place: Path, root: Path) -> None:
-    """Check that a place on this host is not the dataset's folder, in it or above it; InputError if it is."""
-    here, there = resolved(root), resolved(place)
-    same = there.exists() and here.exists() and there.samefile(here)  # also through a mount
-    if same or here.is_relative_to(there) or there.is_relative_to(here):
-        raise InputError(
-            f"{place} is not apart from {root}, where the dataset is built",
-            help="choose a folder outside of it, or build there without a URL",
-            code=Code.OUTPUT_IN_THE_WAY,
-        )

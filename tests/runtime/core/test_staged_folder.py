@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.errors import InputError, RunError
+from recipe_runtime.core import staged_folder
 from recipe_runtime.core.staged_folder import Index, StagedFolder, check_place, holds_only, is_free
 
 from tests.runtime.fakes import tree
@@ -241,3 +242,38 @@ def test_a_place_that_cannot_be_replaced_is_refused(tmp_path: Path, monkeypatch:
     with pytest.raises(InputError, match="is a mount point"):
         check_place(Path("/proc"))
     check_place(tmp_path / "current" / "other")
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_replacement_that_fails_is_completed_by_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: bool
+) -> None:
+    """Regression: `remove` after an error left the replaced folder without its marker, and so in the way."""
+    out = tmp_path / "out"
+    write(out, OLD)
+    if changed:
+        (out / "own.txt").write_text("mine")
+
+    def stopped(*_: object, **__: object) -> bool:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, staged(out) as work:
+        write(work.files, NEW)
+        patch.setattr(staged_folder, "holds_only" if changed else "remove_tree", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            work.publish()
+        patch.undo()
+        work.remove()
+    make(out)
+    assert tree(out).items() > NEW.items() and not (tmp_path / ".out.partial").exists()
+    assert (tmp_path / "out.replaced" / "own.txt").exists() == changed
+
+
+def test_what_appears_at_the_place_meanwhile_stays(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with staged(out) as work:
+        write(work.files, NEW)
+        out.write_text("important")
+        with pytest.raises(InputError, match="is not a folder"):
+            work.publish()
+    assert out.read_text() == "important"

@@ -307,6 +307,11 @@ LARGE: dict[str, tuple[str, Callable[[], str], str]] = {
     ),
     "sensors": ("manifest", lambda: sensors(3_000_000), "Expected `object` of length >= 1"),
     "files": ("manifest", lambda: files(10_000_000), "missing required field `size`"),
+    "short names": (
+        "manifest",
+        lambda: MANIFEST + '"outputs": {"annotations": [' + '"a",' * 20_000_000 + '"a"]}}',
+        "lists of more than 8,388,608 bytes",
+    ),
     "nested lists": ("manifest", lambda: MANIFEST + '"files": ' + "[" * (1 << 26), "does not say that it is"),
     "a large manifest": ("manifest", lambda: " " * (MAX_MANIFEST_BYTES + 1), "at most 201,326,592 are read"),
 }

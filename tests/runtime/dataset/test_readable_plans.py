@@ -13,7 +13,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.dataset import plan_reader
-from recipe_runtime.dataset.plan_checks import MAX_POINTS_IN_ALL, MAX_POSES
+from recipe_runtime.dataset.plan_checks import MAX_BOXES, MAX_POINTS_IN_ALL, MAX_POSES
 from recipe_runtime.dataset.plan_reader import PlanReader, check_readable
 from recipe_runtime.verify.locking import lock
 
@@ -61,18 +61,37 @@ def test_an_unreadable_plan_is_neither_built_nor_locked(tmp_path: Path, monkeypa
         lock(PLAN, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=fakes.ENGINES)
 
 
+BOX = {"x": 0, "y": 0, "z": 0, "yaw": 0, "size": [1, 1, 1]}
+
+
 @pytest.mark.parametrize(
-    "change",
+    ("change", "words"),
     [
-        lambda raw: raw["rig"]["sensors"][0].update(poses=raw["rig"]["sensors"][0]["poses"] * (MAX_POSES + 1)),
-        lambda raw: raw["scene"]["actors"][0].update(route=[{"x": 0, "y": 0}] * (MAX_POINTS_IN_ALL + 1)),
+        (
+            lambda raw: raw["rig"]["sensors"][0].update(poses=raw["rig"]["sensors"][0]["poses"] * (MAX_POSES + 1)),
+            "300,000 poses of sensors",
+        ),
+        (
+            lambda raw: raw["scene"]["actors"][0].update(route=[{"x": 0, "y": 0}] * (MAX_POINTS_IN_ALL + 1)),
+            "300,000 points of routes",
+        ),
+        (
+            lambda raw: raw["scene"]["actors"][0].update(
+                pauses=[{"waypoint": 0, "seconds": 1}] * (MAX_POINTS_IN_ALL + 1)
+            ),
+            "300,000 points of routes",
+        ),
+        (
+            lambda raw: raw["rig"]["sensors"][0].update(arm={"decay": 0, "obstacles": [BOX] * (MAX_BOXES + 1)}),
+            "250,000 boxes that shorten arms",
+        ),
     ],
 )
-def test_totals_are_limited_before_they_become_objects(change: Callable[[Any], None]) -> None:
+def test_totals_are_limited_before_they_become_objects(change: Callable[[Any], None], words: str) -> None:
     """A pose has 40 bytes in a plan and 600 in memory."""
     raw = json.loads(BODIES[0])
     change(raw)
-    with pytest.raises(ValueError, match="more than 300,000 poses of sensors or 300,000 points of routes"):
+    with pytest.raises(ValueError, match=f"more than {words}"):
         PlanReader().read(json.dumps(raw).encode())
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -79,6 +81,17 @@ def test_a_dataset_is_not_copied_to_its_own_folder(built: Path, tmp_path: Path, 
     with pytest.raises(InputError, match="is not apart from"):
         Target(url, root)
     assert tree(tmp_path) == before
+
+
+def test_a_local_place_that_cannot_be_written_is_an_error_before_the_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(**_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", refused)
+    with pytest.raises(RunError, match="Permission denied"):
+        Target(f"file://{tmp_path}/copy", tmp_path / "built")
 
 
 def changed(built: Path, root: Path) -> Path:
