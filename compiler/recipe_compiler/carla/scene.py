@@ -13,6 +13,7 @@ from recipe_compiler.carla.placement import XY, Point, Site
 from recipe_compiler.carla.report import Node, Path
 from recipe_compiler.carla.settings import Settings
 from recipe_compiler.ir.errors import Code
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.source.yaml_reader import show
 
 _MAX_ENTRIES = 300
@@ -52,7 +53,7 @@ class Scene:
         if len(self.specs) > _MAX_ENTRIES:
             remedy = f"keep at most {_MAX_ENTRIES}, or write an ActorsGenerator for crowds"
             first = self.specs[_MAX_ENTRIES].node
-            self.reader.reject(first, f"{len(self.specs)} entries", remedy, Code.INPUT_LIMIT)
+            self.reader.reject(first, count(len(self.specs), "entry", "entries"), remedy, Code.INPUT_LIMIT)
             return
         self._name_actors()
         self._attach()
