@@ -31,6 +31,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("dataset", "insertion"),
         ("frames",),
         ("attacks",),
+        ("scenes",),
         ("scenario",),
         ("loading",),
         ("torch", "webdataset", "__init__"),

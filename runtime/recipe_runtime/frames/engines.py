@@ -58,6 +58,11 @@ class SceneRenderer(Protocol):
     def patch_map(self, obs: Any, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
 
+    def unrounded(
+        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, neighbour: Any = None
+    ) -> NDArray[np.float64]:
+        """Return the colour image before it is rounded to 8 bits, [H, W, 3], 0 to 1; arguments are those of `shade`."""
+
     def patched_frame(
         self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, neighbour: Any = None
     ) -> Any:

@@ -140,6 +140,14 @@ class SceneSource:
         with self._discard_if_interrupted():
             return self.renderer.shade(seen, appearance, sensor.name, frame, time, **blur)
 
+    def unrounded(
+        self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int
+    ) -> NDArray[np.float64]:
+        """Return the colour image, without inserted textures, before it is rounded to 8 bits, [H, W, 3], 0 to 1."""
+        time, blur = frame / self.scene.clock.fps, self._blur_from(appearance, sensor, frame)
+        with self._discard_if_interrupted():
+            return self.renderer.unrounded(seen, appearance, sensor.name, frame, time, **blur)
+
     def patched_frame(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> PatchedFrame:
         """Return the frame of an observation for rendering with other textures on its patches."""
         time, blur = frame / self.scene.clock.fps, self._blur_from(appearance, sensor, frame)

@@ -70,6 +70,19 @@ class Renderer:
         """
         return self._camera.develop(obs, appearance, sensor_name, frame, time, neighbour)
 
+    def unrounded(
+        self,
+        obs: Observation,
+        appearance: AppearancePlan,
+        sensor_name: str,
+        frame: int,
+        time: float,
+        *,
+        neighbour: NeighbourFrame | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the picture before it is rounded to 8 bits, [H, W, 3], 0 to 1; arguments are those of `shade`."""
+        return self._camera.unrounded(obs, appearance, sensor_name, frame, time, neighbour)
+
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
         """Return linear relative radiance at pixel centres, [H, W, 3]; for tests and tools."""
         return self._camera.radiance(obs, appearance, time)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import recipe_runtime
 from recipe_compiler.ir.errors import InputError
-from recipe_runtime import scenario
+from recipe_runtime import scenes
 from recipe_runtime.attacks.textures import as_gradient
 from recipe_runtime.attacks.truth import patch_truth
 from recipe_runtime.scenario import Scenario
@@ -206,7 +206,7 @@ def test_the_memory_of_cached_frames_is_bounded(scene: Scenario, monkeypatch: py
     """A frame of 4096 x 4096 whose pixels all show a patch takes 5 GB."""
     frames = [scene._scenes.patched_frame(scene.plan, scene.plan.rig.sensors[0], frame) for frame in range(3)]
     assert all(frame.memory >= 96 * 64 * 3 for frame in frames)
-    monkeypatch.setattr(scenario, "PATCHED_FRAME_CACHE_BYTES", frames[0].memory - 1)
+    monkeypatch.setattr(scenes, "PATCHED_FRAME_CACHE_BYTES", frames[0].memory - 1)
     scene.close()
     shown = [scene.render(frame, textures={"poster": SECOND}) for frame in (0, 1, 2)]
     assert len(scene._scenes._patched) == 1

@@ -12,8 +12,8 @@ from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.render.atmosphere.weather_light import WeatherLight
-from recipe_runtime.render.camera import passes
-from recipe_runtime.render.camera.develop_kernels import Response
+from recipe_runtime.render.camera import exposure, passes
+from recipe_runtime.render.camera.develop_kernels import LEVELS, Response
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.post_process import PostProcess, needs_post_process
@@ -75,15 +75,40 @@ class CameraPass:
         neighbour: NeighbourFrame | None = None,
     ) -> NDArray[np.uint8]:
         """Return the picture, 8-bit sRGB [H, W, 3]; motion blur takes the motion from a neighbouring frame."""
-        taken = self.expose(obs, appearance, sensor, frame, time)
-        with self._timings("develop"):
-            if needs_post_process(obs.camera, taken.response, neighbour):
-                light = self.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
-                out = self.post.finish(light, taken.undistorted, obs, taken.response, taken.record, neighbour)
-            else:
-                out = self.developed(taken, obs.camera)
-            picture: NDArray[np.uint8] = out.numpy().reshape(obs.camera.height, obs.camera.width, 3)
+        out = self._developed(obs, self.expose(obs, appearance, sensor, frame, time), neighbour)
+        picture: NDArray[np.uint8] = out.numpy().reshape(obs.camera.height, obs.camera.width, 3)
         return picture
+
+    def unrounded(
+        self,
+        obs: Observation,
+        appearance: AppearancePlan,
+        sensor: str,
+        frame: int,
+        time: float,
+        neighbour: NeighbourFrame | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the picture before it is rounded to 8 bits, sRGB [H, W, 3], 0 to 1."""
+        light: DeviceArray = wp.empty(obs.camera.width * obs.camera.height, dtype=wp.vec3f, device=self._device)
+        taken = self.expose(obs, appearance, sensor, frame, time)
+        self._developed(obs, taken, neighbour, light)
+        table = exposure.encoded(int(LEVELS), taken.response.gamma)
+        values: NDArray[np.float64] = np.interp(light.numpy(), np.linspace(0.0, 1.0, len(table)), table)
+        return values.reshape(obs.camera.height, obs.camera.width, 3)
+
+    def _developed(
+        self,
+        obs: Observation,
+        taken: ExposedFrame,
+        neighbour: NeighbourFrame | None,
+        out_light: DeviceArray | None = None,
+    ) -> DeviceArray:
+        """Return the bytes of a picture, uint8 [H * W * 3]; write the light that they round, if it is wanted."""
+        with self._timings("develop"):
+            if not needs_post_process(obs.camera, taken.response, neighbour):
+                return self.developed(taken, obs.camera, out_light)
+            light = self.post.hdr_image(taken.exposed, taken.undistorted, taken.record)
+            return self.post.finish(light, taken.undistorted, obs, taken.response, taken.record, neighbour, out_light)
 
     def expose(
         self, obs: Observation, appearance: AppearancePlan, sensor: str, frame: int, time: float
@@ -103,13 +128,15 @@ class CameraPass:
         )
         return ExposedFrame(undistorted, points, light, found, exposed, response, r)
 
-    def developed(self, taken: ExposedFrame, camera: CameraPlan) -> DeviceArray:
-        """Return the bytes of a picture that one kernel develops, uint8 [H * W * 3]."""
+    def developed(self, taken: ExposedFrame, camera: CameraPlan, out_light: DeviceArray | None = None) -> DeviceArray:
+        """Return the bytes of a picture that one kernel develops; arguments are those of `PostProcess.finish`."""
         out = wp.empty(camera.width * camera.height * 3, dtype=wp.uint8, device=self._device)
         tables, found = self.tables.by_pixel(taken.response, camera), taken.found
         record = struct_array([taken.record], self._device)
         with self._without_pixel_reuse(found):
-            passes.develop_pixels(taken.exposed, camera, record, tables, found.kept, found.pixels, out, self._device)
+            passes.develop_pixels(
+                taken.exposed, camera, record, tables, found.kept, found.pixels, out, out_light, self._device
+            )
         return out
 
     @contextmanager

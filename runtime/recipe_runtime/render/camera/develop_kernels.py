@@ -75,10 +75,15 @@ def normal_deviate(table: wp.array[wp.float32], h: wp.uint32) -> wp.float32:
 
 
 @wp.func
+def grain(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.float32:
+    """Return the noise of a linear value."""
+    return noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
+
+
+@wp.func
 def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
     """Return the index into the tone table of a linear value with noise."""
-    grain = noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
-    t = (x + grain) * wp.float32(LEVELS - 1) + 0.5
+    t = (x + grain(x, deviate, noise)) * wp.float32(LEVELS - 1) + 0.5
     return nonnegative(wp.int32(minimum(maximum(t, 0.0), wp.float32(LEVELS - 1))))
 
 
@@ -99,6 +104,25 @@ def record_levels(
     out[at] = srgb[level(red, normal_deviate(deviates, h), r.noise)]
     out[at + 1] = srgb[level(green, normal_deviate(deviates, h << wp.uint32(10)), r.noise)]
     out[at + 2] = srgb[level(blue, normal_deviate(deviates, h << wp.uint32(20)), r.noise)]
+
+
+@wp.func
+def record_light(
+    out: wp.array[wp.vec3f],
+    i: wp.int32,
+    red: wp.float32,
+    green: wp.float32,
+    blue: wp.float32,
+    r: Response,
+    deviates: wp.array[wp.float32],
+):
+    """Write a pixel's light with noise, of which `record_levels` writes the bytes."""
+    h = scramble(wp.uint32(i) ^ r.key)
+    out[i] = wp.vec3f(
+        red + grain(red, normal_deviate(deviates, h), r.noise),
+        green + grain(green, normal_deviate(deviates, h << wp.uint32(10)), r.noise),
+        blue + grain(blue, normal_deviate(deviates, h << wp.uint32(20)), r.noise),
+    )
 
 
 @wp.kernel
@@ -153,11 +177,12 @@ def develop_pixels(
     deviates: wp.array[wp.float32],
     pixels_per_thread: wp.int32,
     out_rgb: wp.array[wp.uint8],
+    out_light: wp.array[wp.vec3f],
 ):
     """Write the three bytes of each pixel, `pixels_per_thread` to a thread; `gains` is what `vignette_gains` writes.
 
     A pixel that is not stale keeps the levels, before noise, of an earlier frame; its samples are then below
-    `kept_samples`. `rain_cover` has a single element if it does not rain.
+    `kept_samples`. `rain_cover` has a single element if it does not rain. `out_light` may be absent.
     """
     r = responses[0]
     raining = rain_cover.shape[0] > 1
@@ -189,6 +214,8 @@ def develop_pixels(
             green = kept[1]
             blue = kept[2]
         record_levels(out_rgb, i, red, green, blue, r, tone_table, deviates)
+        if out_light:
+            record_light(out_light, i, red, green, blue, r, deviates)
 
 
 @wp.kernel

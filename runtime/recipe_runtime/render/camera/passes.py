@@ -78,9 +78,13 @@ def develop_pixels(
     kept: int,
     pixels: PixelLevels,
     out_rgb: DeviceArray,
+    out_light: DeviceArray | None,
     device: str,
 ) -> None:
-    """Write the bytes of a picture, uint8 [H * W * 3]; pixels with samples below index `kept` may keep their levels."""
+    """Write the bytes of a picture, uint8 [H * W * 3], and the light that they round, vec3f [H * W], if it is wanted.
+
+    Pixels with samples below index `kept` may keep their levels.
+    """
     span = camera.width if device == "cpu" else 1  # a GPU has threads to spare
     launch(
         develop_kernels.develop_pixels,
@@ -94,4 +98,5 @@ def develop_pixels(
         **fields_of(tables, "gains", "tone_table", "deviates"),
         pixels_per_thread=span,
         out_rgb=out_rgb,
+        out_light=out_light,
     )

@@ -59,6 +59,7 @@ class PostProcess:
         response: CameraResponse,
         r: Response,
         neighbour: NeighbourFrame | None,
+        out_light: DeviceArray | None = None,
     ) -> DeviceArray:
         """Return the bytes of a picture, uint8 [H * W * 3].
 
@@ -69,6 +70,7 @@ class PostProcess:
             response: The camera's settings.
             r: The same as a struct `Response`, with exposure and noise.
             neighbour: The frame that motion blur takes the motion from, if any.
+            out_light: Receives the light that the bytes round, vec3f [H * W]; None if it is not wanted.
         """
         pixels = obs.camera.width * obs.camera.height
         motion = self.motion(undistorted, response, neighbour)
@@ -87,6 +89,7 @@ class PostProcess:
             tone_table=tables.tone_table,
             deviates=tables.deviates,
             out_rgb=out,
+            out_light=out_light,
         )
         return out
 

@@ -3,7 +3,7 @@
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
-from recipe_runtime.render.camera.develop_kernels import Response, record_levels, tone, vignette_at
+from recipe_runtime.render.camera.develop_kernels import Response, record_levels, record_light, tone, vignette_at
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.distortion_kernels import Distortion, undistorted_position
 
@@ -120,8 +120,9 @@ def finish_pixels(
     tone_table: wp.array[wp.uint8],
     deviates: wp.array[wp.float32],
     out_rgb: wp.array[wp.uint8],
+    out_light: wp.array[wp.vec3f],
 ):
-    """Write a pixel's three bytes: tone mapping of each sample, their mean, then noise."""
+    """Write a pixel's three bytes: tone mapping of each sample, their mean, then noise. `out_light` may be absent."""
     i = wp.tid()
     red = wp.float32(0.0)
     green = wp.float32(0.0)
@@ -135,3 +136,5 @@ def finish_pixels(
         blue = blue + tone(light[2] * gain)
     share = 1.0 / wp.float32(distortion.fine * distortion.fine)
     record_levels(out_rgb, i, red * share, green * share, blue * share, response, tone_table, deviates)
+    if out_light:
+        record_light(out_light, i, red * share, green * share, blue * share, response, deviates)

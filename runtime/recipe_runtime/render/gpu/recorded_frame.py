@@ -289,4 +289,4 @@ class RecordedFrame:
         light, streak = n.light(look.light.wet).shown, streak_radiance(look.light)
         exposed = Exposed(light, n.starts, n.groups, n.columns.weights, cover, streak)
         response, levels, out = b[f"response {v}"], n.no_levels, self._r[f"rgb {v}"]
-        camera_passes.develop_pixels(exposed, camera, response, look.tables, 0, levels, out, self.device)
+        camera_passes.develop_pixels(exposed, camera, response, look.tables, 0, levels, out, None, self.device)
