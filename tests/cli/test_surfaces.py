@@ -136,3 +136,30 @@ def test_unknown_names_are_explained(arguments: tuple[str, ...], words: str) -> 
     with pytest.raises(InputError) as caught:
         run(*arguments)
     assert words in str(caught.value)
+
+
+def test_texture_maps_are_painted_with_a_repeated_image(tmp_path: Path) -> None:
+    Image.new("RGB", (8, 8), (10, 200, 30)).save(tmp_path / "tile.png")
+    run("vehicle.sedan.a", "-o", str(tmp_path / "maps"), "--paint", str(tmp_path / "tile.png"), "--metres", "0.5")
+    with Image.open(tmp_path / "maps/vehicle.sedan.a.body.png") as painted:
+        assert (np.asarray(painted) == (10, 200, 30)).all()
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "message"),
+    [
+        (None, ("--paint", "{}/none.png"), "none.png: there is no such file"),
+        (b"no image", ("--paint", "{}/file.png"), "file.png: "),
+        (b"", ("--paint", "{}/file.jpg"), "does not end in .png"),
+        (None, ("--model", "{}/model.obj"), "needs the image that was made for it"),
+    ],
+)
+def test_wrong_paint_writes_nothing(
+    tmp_path: Path, content: bytes | None, options: tuple[str, ...], message: str
+) -> None:
+    if content is not None:
+        (tmp_path / Path(options[1]).name).write_bytes(content)
+    given = [option.format(tmp_path) for option in options]
+    with pytest.raises(InputError, match=message):
+        run("vehicle.sedan.a", "-o", str(tmp_path / "maps"), *given)
+    assert not (tmp_path / "maps").exists()

@@ -187,6 +187,18 @@ class Renderer:
     ) -> NDArray[np.uint8]:
         return self.picture(obs, appearance, frame)
 
+    def unrounded(
+        self,
+        obs: Seen,
+        appearance: AppearancePlan,
+        sensor_name: str,
+        frame: int,
+        time: float,
+        *,
+        neighbour: object = None,
+    ) -> NDArray[np.float64]:
+        return self.picture(obs, appearance, frame) / 255
+
     def frame_stream(
         self,
         camera: CameraPlan,

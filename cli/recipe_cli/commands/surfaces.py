@@ -15,6 +15,7 @@ from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, REPLACE, VARIANT, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say, say_table
 from recipe_cli.places import used_files
+from recipe_cli.texture_painting import Painter, painter
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.patches import PatchFace, PatchPlan
@@ -59,25 +60,69 @@ class _Scene:
     type=LocalPath(path_type=Path, file_okay=False),
     help="Also write pictures into FOLDER: of flat surfaces on sheets, and each texture map as a PNG to paint on.",
 )
+@click.option(
+    "--paint",
+    metavar="PNG",
+    type=LocalPath(path_type=Path, dir_okay=False),
+    help="Paint the texture maps with this image: repeated from all sides, or with --model as on that model.",
+)
+@click.option(
+    "--metres",
+    type=click.FloatRange(0.01, 100),
+    default=1.0,
+    show_default=True,
+    help="Width of the repeated image on the body.",
+)
+@click.option(
+    "--model",
+    metavar="MESH",
+    type=LocalPath(path_type=Path, dir_okay=False),
+    help="The .obj, .glb or .gltf model, with texture coordinates, that the image of --paint was made for.",
+)
+@click.option("--up", type=click.Choice(["y", "z"]), default="z", show_default=True, help="The model's upward axis.")
+@click.option(
+    "--turn",
+    type=click.Choice(["0", "90", "180", "270"]),
+    default="0",
+    show_default=True,
+    help="Degrees by which the model is turned to the left, so that its front is ahead.",
+)
 @REPLACE
 @ALLOW_LARGE
 @JSON
 def command(
-    where: str, pattern: str, variant: str | None, output: Path | None, replace: bool, allow_large: bool, as_json: bool
+    where: str,
+    pattern: str,
+    variant: str | None,
+    output: Path | None,
+    paint: Path | None,
+    metres: float,
+    model: Path | None,
+    up: str,
+    turn: str,
+    replace: bool,
+    allow_large: bool,
+    as_json: bool,
 ) -> None:
     """List the surfaces of a town, of a blueprint or of a recipe's scene to which patches can be applied.
 
     PATTERN is a glob of names, such as `wall.*`; by default all are listed. `body` and `shirt` are texture maps, which
     cover the entire body or shirt; a patch on another surface is a rectangle, at most of the listed size. The yaw that
     a surface faces is counter-clockwise from +x.
+
+    --paint writes texture maps with a texture that was made for another model: an image that is repeated over the body
+    (as DTA and ACTIVE do), or one for the texture coordinates of --model (as RAUCA and CARLA have them).
     """
+    if paint is not None and output is None:
+        raise click.UsageError(f"--paint {paint} writes pictures: add --output FOLDER")
+    painted = painter(paint, metres, model, up, int(turn))
     scene, bodies = _found(where, variant, allow_large)
     bodies = [body for body in bodies if fnmatchcase(body.name, pattern)]
     _check_some(where, pattern, bodies)
     if not as_json:
         _print_table(bodies)
     if output is not None:
-        _draw(scene, bodies, output, replace)
+        _draw(scene, bodies, output, painted, replace)
     if as_json:
         print_json([_row(body, surface) for body in bodies for surface in body.surfaces])
 
@@ -181,7 +226,7 @@ def _face(surface: object) -> PatchFace:
     return surface.face(*surface.middle, *surface.size)
 
 
-def _draw(scene: _Scene | None, bodies: list[_Body], folder: Path, replace: bool) -> None:
+def _draw(scene: _Scene | None, bodies: list[_Body], folder: Path, painted: Painter | None, replace: bool) -> None:
     from recipe_runtime.core.outputs import check_not_input, check_output, write_output
     from recipe_runtime.meshes.actors import actor_body
     from recipe_runtime.report.texture_maps import texture_map
@@ -201,8 +246,11 @@ def _draw(scene: _Scene | None, bodies: list[_Body], folder: Path, replace: bool
         for done, (path, (body, surface)) in enumerate(maps.items()):
             progress("maps", done, len(maps))
             assert body.actor is not None
-            mesh = actor_body(body.actor)
-            write_output(path, texture_map(surface.islands, surface.aspect, mesh, surface.slots), replace=replace)
+            if painted is not None:
+                picture = painted(surface)
+            else:
+                picture = texture_map(surface.islands, surface.aspect, actor_body(body.actor), surface.slots)
+            write_output(path, picture, replace=replace)
         if scene is not None:
             _draw_sheets(scene, dict(zip(pages, sheets, strict=True)), progress, replace)
     say(f"{folder}: {count(len(maps), 'texture map')}, {count(len(pages), 'sheet')}", err=True)

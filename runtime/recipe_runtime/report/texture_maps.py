@@ -32,9 +32,7 @@ def texture_map(islands: Sequence[Island], aspect: float, body: Body, slots: Seq
         body: the body that it covers, whose parts are at rest.
         slots: the slots of the body that it covers; none: all.
     """
-    size = _LONGEST, max(1, round(_LONGEST / aspect))
-    if aspect < 1.0:
-        size = max(1, round(_LONGEST * aspect)), _LONGEST
+    size = map_size(aspect)
     page = Image.new("RGB", size, _PAPER)
     pen, font = ImageDraw.Draw(page), ImageFont.load_default(size[0] // 90)
     meshes = dict(body.parts)
@@ -52,6 +50,13 @@ def texture_map(islands: Sequence[Island], aspect: float, body: Body, slots: Seq
     return made.getvalue()
 
 
+def map_size(aspect: float) -> tuple[int, int]:
+    """Return width and height of the picture of a texture map, pixels."""
+    if aspect < 1.0:
+        return max(1, round(_LONGEST * aspect)), _LONGEST
+    return _LONGEST, max(1, round(_LONGEST / aspect))
+
+
 def _triangles(
     mesh: Mesh, faces: Sequence[PatchFace], slots: Sequence[str], size: tuple[int, int]
 ) -> list[list[tuple[float, float]]]:
@@ -59,24 +64,24 @@ def _triangles(
     here = np.array([not slots or mesh.surfaces[surface].slot in slots for surface in mesh.surface], bool)
     corners = mesh.vertices.astype(np.float64)[mesh.triangles[here]]
     normals = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    turned = np.stack([_along(normals, face.normal) for face in faces])
+    turned = np.stack([along(normals, face.normal) for face in faces])
     chosen = turned.argmax(axis=0)
     found: list[tuple[float, list[tuple[float, float]]]] = []
     for number, face in enumerate(faces):
         own = corners[chosen == number]
         offset = own - np.array(face.corner)
-        u, v = (_along(offset, d) / n for d, n in ((face.right, face.width), (face.down, face.height)))
+        u, v = (along(offset, d) / n for d, n in ((face.right, face.width), (face.down, face.height)))
         left, top, right, bottom = face.region
         x = (left + np.clip(u, 0.0, 1.0) * (right - left)) * size[0]
         y = (top + np.clip(v, 0.0, 1.0) * (bottom - top)) * size[1]
-        depth = _along(offset, face.normal).mean(axis=1)
+        depth = along(offset, face.normal).mean(axis=1)
         found += [
             (float(d), list(zip(a.tolist(), b.tolist(), strict=True))) for d, a, b in zip(depth, x, y, strict=True)
         ]
     return [outline for _, outline in sorted(found, key=lambda one: one[0])]
 
 
-def _along(vectors: NDArray[np.float64], axis: Sequence[float]) -> NDArray[np.float64]:
-    """Products of vectors [..., 3] with one."""
+def along(vectors: NDArray[np.float64], axis: Sequence[float]) -> NDArray[np.float64]:
+    """Return the products of vectors [..., 3] with one."""
     product: NDArray[np.float64] = vectors[..., 0] * axis[0] + vectors[..., 1] * axis[1] + vectors[..., 2] * axis[2]
     return product
