@@ -9,16 +9,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from recipe_compiler.ir.plan import Element, ScenePlan
 from recipe_compiler.ir.signals import light
-from recipe_runtime.core.trace import METRE, UNIT, ContactEvent, Trace
+from recipe_runtime.core.trace import ContactEvent, Trace
 
-Array = NDArray[np.float64]
-PERSON = 0.2  # radius of a pedestrian
+from tests.soak import driving
+from tests.soak.driving import Driving
+from tests.soak.tracks import PERSON, Tracks
+
 STOP = 3.0  # metres from a junction's edge to the stop line
-AFTER = 10.0  # seconds after a contact during which its bodies may overlap, brake hard and be moved
-_GONE = -100.0  # metres; a body below this height is out of the scene
 
 
 @dataclass
@@ -37,10 +36,12 @@ class Measures:
     heights: list[str] = field(default_factory=list)
     red_entries: list[str] = field(default_factory=list)
     standing: list[str] = field(default_factory=list)
+    driving: Driving = field(default_factory=Driving)
 
     def faults(self) -> list[str]:
         """Return a message for each violation."""
         found = [*self.overlaps, *self.accelerations, *self.heights, *self.red_entries, *self.standing]
+        found += self.driving.faults()
         if self.last_speed <= self.first_speed / 2:
             found.append(f"the mean speed fell from {self.first_speed:.2f} to {self.last_speed:.2f} m/s")
         return found
@@ -71,35 +72,11 @@ def measure(scene: ScenePlan, trace: Trace, events: Sequence[ContactEvent]) -> M
     made.accelerations = list(run.accelerations([*driven, *people]))
     made.heights = list(run.heights(driven))
     made.red_entries = list(run.red_entries([n for n in driven if scene.actors[n].obeys]))
+    made.driving = driving.measure(run, driven)
     return made
 
 
-class _Run:
-    def __init__(self, scene: ScenePlan, trace: Trace, events: Sequence[ContactEvent]) -> None:
-        self.scene, self.fps = scene, scene.clock.fps
-        base = [trace.base_part(actor.name) for actor in scene.actors]
-        self.at: Array = trace.positions[:, base].astype(np.float64) / METRE  # [F, A, 3]
-        x, y, z, w = np.moveaxis(trace.rotations[:, base].astype(np.float64) / UNIT, -1, 0)
-        ahead = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + z * w)], axis=-1)
-        self.ahead: Array = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)  # [F, A, 2]
-        self.velocity: Array = trace.linear.astype(np.float64)[..., :2] / METRE
-        self.speed: Array = np.linalg.norm(self.velocity, axis=-1)
-        self.here = self.at[..., 2] > _GONE
-        self.half = np.array([_half(actor.category, actor.shape) for actor in scene.actors])
-        self.touched = np.zeros((trace.frames, len(scene.actors)), bool)
-        index = {actor.name: n for n, actor in enumerate(scene.actors)}
-        self.pairs: dict[frozenset[int], list[tuple[float, float]]] = {}
-        for event in events:
-            start, end = event.start / scene.clock.physics, event.end / scene.clock.physics
-            first, last = max(0, int((start - 0.5) * self.fps)), max(0, int((end + AFTER) * self.fps) + 1)
-            both = [index[name] for name in (event.first, event.second) if name in index]
-            for n in both:
-                self.touched[first:last, n] = True
-            self.pairs.setdefault(frozenset(both), []).append((start - 0.5, end + AFTER))
-
-    def name(self, n: int) -> str:
-        return f"{self.scene.actors[n].name} ({self.scene.actors[n].blueprint})"
-
+class _Run(Tracks):
     def mean_speed(self, group: Sequence[int], frames: slice) -> float:
         here = self.here[frames][:, group]
         return float(self.speed[frames][:, group][here].mean()) if here.any() else 0.0
@@ -191,10 +168,6 @@ class _Run:
                     seconds = (frame + share) / self.fps
                     if light(lamp.shape, seconds) == "red":
                         yield f"{self.name(n)} passes {lamp.name} on red at {seconds:.1f} s"
-
-
-def _half(category: str, shape: dict[str, float]) -> tuple[float, float]:
-    return (PERSON, PERSON) if category == "pedestrian" else (shape["length"] / 2, shape["width"] / 2)
 
 
 def _approaches(elements: Sequence[Element]) -> Iterator[tuple[Element, Element]]:

@@ -21,16 +21,16 @@ LARGER: dict[str, dict[str, Any]] = {"plaza": {"name": "plaza", "size": [120, 10
 COUNTS, SEEDS = (30, 60), (1, 2, 3)
 
 
-def scene(town: str, count: int, seed: int, seconds: int = SECONDS) -> ScenePlan:
-    """Return the plan of a run with as many vehicles as pedestrians."""
-    spec = LARGER.get(town, TOWNS[town]) if count > 30 else TOWNS[town]
+def scene(town: str, vehicles: int, people: int, seed: int, seconds: int = SECONDS) -> ScenePlan:
+    """Return the plan of a run."""
+    spec = LARGER.get(town, TOWNS[town]) if vehicles > 30 else TOWNS[town]
     recipe = {
         "recipe": "soak",
         "seed": seed,
         "base": {
             "clock": {"fps": FPS, "frames": seconds * FPS},
             "town": spec,
-            "traffic": {"vehicles": count, "pedestrians": count},
+            "traffic": {"vehicles": vehicles, "pedestrians": people},
             "sensors": {"any": {"mount": {"z": 2.0}, "camera": {"width": 64, "height": 48}, "capture": ["depth"]}},
         },
     }
@@ -40,8 +40,8 @@ def scene(town: str, count: int, seed: int, seconds: int = SECONDS) -> ScenePlan
         return compile_recipe(path).plan.variants[0].scene
 
 
-def run(town: str, count: int, seed: int, seconds: int = SECONDS) -> Measures:
+def run(town: str, vehicles: int, people: int, seed: int, seconds: int = SECONDS) -> Measures:
     """Simulate a run and measure it."""
-    plan = scene(town, count, seed, seconds)
+    plan = scene(town, vehicles, people, seed, seconds)
     trace = simulate(plan)
     return measure(plan, trace, trace.contacts or ())

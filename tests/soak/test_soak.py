@@ -1,4 +1,4 @@
-"""Minutes of traffic without a deadlock, an overlap or an entry on red."""
+"""Minutes of traffic without a deadlock, a crash, an entry on red, or driving that is not human."""
 
 from __future__ import annotations
 
@@ -13,4 +13,4 @@ pytestmark = pytest.mark.soak
 @pytest.mark.parametrize("count", runs.COUNTS)
 @pytest.mark.parametrize("town", runs.TOWNS)
 def test_traffic_flows_without_violations(town: str, count: int, seed: int) -> None:
-    assert not runs.run(town, count, seed).faults()
+    assert not runs.run(town, count, count, seed).faults()
