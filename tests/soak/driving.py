@@ -1,7 +1,7 @@
 """How vehicles are driven: accelerations, lane changes, headways and speeds.
 
 All lengths are in metres, speeds in m/s, accelerations in m/s2, times in seconds. Accelerations are second central
-differences of the positions in the Trace, along and across the heading.
+differences of the positions in the Trace, along and across the heading; those across are means over 0.3 s.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ LATERAL, ENTRY, HARD = 2.0, 3.0, 5.0  # m/s2
 CHANGES = (0.2, 0.6)  # lane changes per vehicle-km
 HEADWAY = (1.2, 2.5)  # seconds, the median
 ABOVE = (0.05, 0.6)  # share of the steady free speeds that are above the limit
+_SMOOTH = 0.3  # seconds over which accelerations across are averaged
 _ENTERED = 5.0  # seconds after an entry
 _BRAKES, _ONSET = 1.0, 3.0  # m/s2 that count as braking; seconds before a peak in which its begin is searched
 _CHANGED = 0.75  # widths of a lane, from the middle of the old lane
@@ -73,7 +74,7 @@ class Driving:
             found.append(f"{self.change_rate:.2f} lane changes per vehicle-km")
         if len(self.headways) >= _SAMPLES:
             median = float(np.median(self.headways))
-            if not HEADWAY[0] <= median <= HEADWAY[1]:
+            if self.kilometres and not HEADWAY[0] <= median <= HEADWAY[1]:  # in towns, vehicles approach queues
                 found.append(f"the median headway is {median:.2f} s")
             if self.headways.min() >= 1.0:
                 found.append("no headway is under 1 s")
@@ -92,7 +93,8 @@ def measure(tracks: Tracks, group: Sequence[int]) -> Driving:
     made = Driving(crashes=list(_crashes(tracks)))
     usable = tracks.together() & ~tracks.touched
     along, across = _accelerations(tracks, usable)
-    peaks = np.abs(across[:, group])
+    mean = np.full(max(1, round(_SMOOTH * tracks.fps)), 1.0)
+    peaks = np.abs(np.stack([np.convolve(across[:, n], mean / len(mean), "same") for n in group], axis=-1))
     made.lateral = float(peaks.max(initial=0.0))
     if made.lateral > LATERAL:
         frame, column = np.unravel_index(int(np.argmax(peaks)), peaks.shape)
