@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from recipe_compiler.ir.errors import Place, Problem, printable
+from recipe_compiler.ir.errors import Code, Place, Problem, printable
 from recipe_compiler.ir.plurals import count
 
 if TYPE_CHECKING:
@@ -29,7 +29,8 @@ class _Finding:
 class Findings:
     """Distinct problems of several variants.
 
-    Messages that differ in numbers only, as with random draws, count as one.
+    Messages that differ in numbers only, as with random draws, count as one. The first is reported; of those on what a
+    town has room for, the one with the least numbers, which all variants have room for.
     """
 
     def __init__(self) -> None:
@@ -44,8 +45,10 @@ class Findings:
             self._variants, self._last = self._variants + 1, variant
         for problem in problems:
             self.total += 1
-            key = (problem.place, re.sub(r"[0-9.]+", "0", problem.message))
+            key = (problem.place, re.sub(r"[0-9][0-9,.]*", "0", problem.message))
             finding = self._found.setdefault(key, _Finding(problem, variant, variant))
+            if problem.code is Code.NO_ROOM and _numbers(problem) < _numbers(finding.problem):
+                finding.problem = problem
             finding.variants += finding.last is not variant
             finding.last = variant
 
@@ -53,6 +56,10 @@ class Findings:
         """Return all problems, sorted by place, with a note on those that only some variants have."""
         shown = [_noted(finding, self._variants) for finding in self._found.values()]
         return sorted(shown, key=lambda problem: problem.place or _NOWHERE)
+
+
+def _numbers(problem: Problem) -> list[int]:
+    return [int(number) for number in re.findall(r"[0-9]+", problem.message.replace(",", ""))]
 
 
 def _noted(finding: _Finding, variants: int) -> Problem:

@@ -9,6 +9,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.path_planner import BODY
 from recipe_compiler.ir.plan import ActorPlan, Point, Pose
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints
@@ -109,7 +110,9 @@ class ActorLowering:
     def _named(self, name: str, actor: Actor, blueprint: Blueprint) -> ActorPlan | None:
         start = self._spots.take(blueprint, self._stream(name, "start")) if actor.start is None else None
         if actor.start is None and start is None:
-            self._report_no_room(("actors", name), f"actors.{name}: {self._full(blueprint.category)}")
+            message = f"actors.{name}: the town has no room for another {blueprint.category}"
+            message += "; lower `traffic`, give a start, or choose a larger town"
+            self._report_no_room(("actors", name), message)
             return None
         if actor.start is not None:
             start = Pose(x=actor.start.x, y=actor.start.y, yaw=self._direction(actor.start, blueprint.category))
@@ -153,9 +156,7 @@ class ActorLowering:
 
         start = self._spots.take(blueprint, self._stream(name, "start"), score if self._view is not None else None)
         if start is None:
-            key = "vehicles" if category == "vehicle" else "pedestrians"
-            if not self._reported(f"traffic.{key}"):
-                self._report_no_room(("traffic", key), f"traffic.{key}: {self._full(category)}")
+            self._report_full("vehicles" if category == "vehicle" else "pedestrians", category, index)
             return None
         self._colour(name, blueprint, {})
         block = placement.VEHICLE_NUMBERS if category == "vehicle" else placement.PEDESTRIAN_NUMBERS
@@ -190,11 +191,7 @@ class ActorLowering:
         name = f"traffic.parked.{index}"
         place = self._parking.take(self._stream(name, "start"))
         if place is None:
-            if not self._reported("traffic.parked"):
-                places = len(self._town.parking)
-                message = f"traffic.parked: no free parking place is left; the town has {places} in total"
-                message += "; lower it, or choose a larger town" if places else "; remove it, or choose another town"
-                self._report_no_room(("traffic", "parked"), message)
+            self._report_full("parked", "parked car", index)
             return None
         fitting = [b for b in blueprints.match("vehicle.*") if blueprints.parks(b)]
         blueprint = self._stream(name, "blueprint").choice(fitting)
@@ -204,14 +201,19 @@ class ActorLowering:
     def _report_no_room(self, path: tuple[str, str], message: str) -> None:
         self.problems.append(Problem(message, self._variant.base.place_of(*path), code=Code.NO_ROOM))
 
-    def _reported(self, key: str) -> bool:
-        """Whether a problem that names this key has been reported."""
-        return any(key in problem.message for problem in self.problems)
+    def _report_full(self, key: str, noun: str, number: int) -> None:
+        """Report once that the town has room for only some of the traffic.
 
-    def _full(self, category: Category) -> str:
-        places = len(self._town.spots[category])
-        remedy = "lower `traffic`, give a start, or choose a larger town"
-        return f"no free spawn point is left for a {category}; the town has {places} in total; {remedy}"
+        Args:
+            key: Of the section `traffic`.
+            noun: What the key counts.
+            number: How many found a place before the first that did not. Fewer do not change their places, so that as
+                many as this fit.
+        """
+        if not any(problem.message.startswith(f"traffic.{key}:") for problem in self.problems):
+            most = count(number, noun)
+            remedy = "lower it, or choose a larger town" if number else "remove it, or choose another town"
+            self._report_no_room(("traffic", key), f"traffic.{key}: the town has room for {most}; {remedy}")
 
     def _route(self, name: str, blueprint: Blueprint, start: Pose, speed: float) -> tuple[Point, ...]:
         seconds = self._warmup + self._base.clock.frames / self._base.clock.fps

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from typing import Any
 
 import numpy as np
@@ -189,3 +190,28 @@ def test_a_sensor_on_an_unknown_actor_of_the_traffic_is_refused() -> None:
     recipe["base"]["sensors"]["street"]["mount"] = {"on": "traffic.vehicle.200"}
     with pytest.raises(InputError, match=r"there is no actor \"traffic.vehicle.200\"; the traffic has fewer"):
         only(recipe)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", ["vehicles", "pedestrians", "parked"])
+@pytest.mark.parametrize("town", towns.NAMES)
+def test_a_town_has_room_for_exactly_as_many_as_the_message_says(town: str, key: str) -> None:
+    """The number was that of spawn points, of which a vehicle takes two or more. It holds for all variants."""
+    least = {name: [p.low] * p.length if p.length else p.low for name, p in towns.TOWNS[town].PARAMETERS.items()}
+
+    def recipe(number: int) -> dict[str, Any]:
+        recipe = small(town={"name": town, **least}, traffic={key: number})
+        recipe["base"]["actors"] = {}
+        return recipe | {"sweep": {"repeats": 3}}
+
+    def room(number: int) -> int:
+        with pytest.raises(InputError) as caught:
+            compiled(recipe(number))
+        (problem,) = caught.value.problems
+        found = re.fullmatch(rf"traffic.{key}: the town has room for (\d+) [a-z ]+", problem.message)
+        assert found, problem.message
+        return int(found[1])
+
+    most = room(99 if key == "parked" else 250)
+    assert room(most + 1) == most
+    compiled(recipe(most))
