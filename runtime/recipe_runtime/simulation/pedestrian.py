@@ -34,6 +34,7 @@ class PedestrianAgent(Agent):
         figure: Its proportions.
         look: Desired direction of view, degrees to the left of its heading.
         pace: Desired speed, m/s.
+        aim: The direction in which it would walk if nobody were in its way, a unit vector; None if it stands.
         crossing: The segment across a road, from kerb to kerb (x, y, x, y, metres), that it is on, or is about to enter
             with the right of way.
         follower: The companion that walks alongside and follows it.
@@ -43,6 +44,7 @@ class PedestrianAgent(Agent):
         radius = 0.13 * actor.shape["height"]
         super().__init__(world, actor, world.add_pedestrian(actor, radius, _MASS), control_dt)
         self.look = self.pace = 0.0
+        self.aim: tuple[float, float] | None = None
         self.crossing: tuple[float, float, float, float] | None = None
         self.follower: PedestrianAgent | None = None
         self._walker, self._wish = Walker(actor, surroundings), Wish()
@@ -71,7 +73,7 @@ class PedestrianAgent(Agent):
         stands = self.held or seconds < self._stands_until
         self._wish = self._walker.decide(self, others, seconds, stands=stands)
         self.waiting, self.crossing, self.look = self._wish.waits, self._wish.crossing, self._wish.look
-        self.pace = self._wish.speed
+        self.pace, self.aim = self._wish.speed, self._wish.aim
         self.sight = _SIGHT_AT_ROADS if self._walker.near_road else _SIGHT
 
     def control(self) -> None:

@@ -13,6 +13,7 @@ _LEAST_LOOK, _LOOK_SECONDS = 0.7, 0.45  # look-ahead distance: minimum in metres
 _PASSING_LOOK = 3.0  # metres, minimum look-ahead distance while passing another agent
 _NEAR = 0.25  # metres; a nearer look-ahead point gives no direction
 _BRAKING = 1.5  # m/s2 before a stop
+_BESIDE = 1.2  # metres before the end of the path from which the straight distance to the goal counts
 _THERE, _REACHED = 0.15, 0.3  # metres at which the position of a pause, or a waypoint, is reached
 
 Vector2 = tuple[float, float]
@@ -65,11 +66,12 @@ class Route:
                 return True
         return False
 
-    def to_stop(self) -> float:
-        """Return the metres to the next pause, or to the goal."""
+    def to_stop(self, x: float, y: float) -> float:
+        """Return the metres to the next pause, or to the goal, also from beside or beyond it."""
+        left = self.left if self.left > _BESIDE else self.distance_to_goal(x, y)
         if self._next_pause < len(self._pauses):
-            return min(self.left, max(0.0, self._pauses[self._next_pause][0] - self.metres))
-        return self.left
+            return min(left, max(0.0, self._pauses[self._next_pause][0] - self.metres))
+        return left
 
     def direction(self, x: float, y: float, speed: float, *, passing: bool) -> Vector2:
         """Return the direction to a point of the path ahead, as a unit vector.

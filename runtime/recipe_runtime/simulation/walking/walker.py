@@ -12,7 +12,7 @@ from recipe_compiler.ir.ground.obstacles import Obstacle
 from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.simulation.agent import Agent
-from recipe_runtime.simulation.walking import avoidance
+from recipe_runtime.simulation.walking import avoidance, making_way
 from recipe_runtime.simulation.walking.avoidance import LOOK, Disc, Scene
 from recipe_runtime.simulation.walking.crossings import KERB, Crossing, Crossings
 from recipe_runtime.simulation.walking.detour import Detour
@@ -55,6 +55,7 @@ class Wish:
     waits: bool = False  # at a kerb
     crossing: Segment | None = None  # the crossing that it is on or about to enter
     look: float = 0.0  # degrees to the left of its heading
+    aim: tuple[float, float] | None = None  # direction in which it would walk if nobody were in its way; a unit vector
 
 
 class Walker:
@@ -92,11 +93,10 @@ class Walker:
             return self._keep_beside(self.leader, own, others, seconds)
         route = self._route
         route.advance(own.x, own.y)
-        if self._is_there(own):
-            return Wish(*own.heading, look=self._look_about(seconds))
-        if route.pauses(seconds, own.speed < 0.5):
-            return Wish(*own.heading, look=self._look_about(seconds))
-        speed, stop = self._pace(own), route.to_stop()
+        if self._is_there(own) or route.pauses(seconds, own.speed < 0.5):
+            ux, uy, pace = self._make_way(own, others, None) or (*own.heading, 0.0)
+            return Wish(ux, uy, pace, look=self._look_about(seconds))
+        speed, stop = self._pace(own), route.to_stop(own.x, own.y)
         crossing, on_road, waits, segment = self._crossings.next(route.metres), False, False, None
         if crossing is not None:
             on_road = route.metres > crossing.start - 0.1
@@ -120,7 +120,23 @@ class Walker:
         ux, uy = route.direction(own.x, own.y, own.speed, passing=seconds < self._passing_until)
         wish = self._avoid(own, others, (ux, uy), speed, stop, on_road=on_road, seconds=seconds)
         look = self._look_both_ways(seconds) if waits else self._look_at(own, own.follower, seconds)
-        return Wish(wish.ux, wish.uy, wish.speed, waits, segment, look)
+        aim = (ux, uy) if speed > _STANDING else None
+        if aim is not None and wish.speed < _STANDING and not on_road:
+            ux, uy, pace = self._make_way(own, others, aim) or (wish.ux, wish.uy, wish.speed)
+            return Wish(ux, uy, pace, waits, segment, look, aim)
+        return Wish(wish.ux, wish.uy, wish.speed, waits, segment, look, aim)
+
+    def _make_way(
+        self, own: PedestrianAgent, others: Sequence[Agent], aim: tuple[float, float] | None
+    ) -> tuple[float, float, float] | None:
+        """Return the direction and the speed of a step aside; None if there is no reason or no room for it."""
+        step = making_way.aside(own, aim, others)
+        if step is None:
+            return None
+        scene = self._scene(own, others, step, on_road=False, comfort=_LEAST_COMFORT)
+        free = scene.free(*step, making_way.SPEED, SIGHT)
+        pace = min(making_way.SPEED, free)
+        return (*step, pace) if pace > _LEAST_COMFORT else None
 
     def _is_there(self, own: PedestrianAgent) -> bool:
         """Return whether it has reached its goal, or is near a goal that others occupy."""
@@ -188,7 +204,8 @@ class Walker:
             self._go_round(own, others, seconds)
         if self._detour.active:
             ahead = self._detour.direction(own, self.leader, seconds) or ahead
-        scene = self._scene(own, others, ahead, on_road)
+        comfort = max(_LEAST_COMFORT, _COMFORT - 0.05 * self._stood)
+        scene = self._scene(own, others, ahead, on_road=on_road, comfort=comfort)
         choice = avoidance.choose(scene, ahead, speed, distance, self._side, seconds < self._detour_until)
         if choice.side:
             self._side, self._passing_until = choice.side, seconds + _PASSING
@@ -205,10 +222,17 @@ class Walker:
         if not (again and self._detour.plan(own, goals, others, seconds)):
             self._detour_until = seconds + _DETOUR
 
-    def _scene(self, own: PedestrianAgent, others: Sequence[Agent], ahead: tuple[float, float], on_road: bool) -> Scene:
-        """Return the obstacles nearby."""
+    def _scene(
+        self,
+        own: PedestrianAgent,
+        others: Sequence[Agent],
+        ahead: tuple[float, float],
+        *,
+        on_road: bool,
+        comfort: float,
+    ) -> Scene:
+        """Return the obstacles nearby; `comfort` is the distance to people, metres."""
         x, y, radius, (ux, uy) = own.x, own.y, own.radius, ahead
-        comfort = max(_LEAST_COMFORT, _COMFORT - 0.05 * self._stood)
         discs: list[Disc] = []
         boxes = []
         for other in others:
