@@ -8,7 +8,7 @@ is blocked, and it keeps a time of half a second to what is ahead.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir import exact
@@ -21,6 +21,7 @@ _ROUND = (-75, 75, -105, 105, -135, 135)  # additional directions for a blocked 
 _TURNS = tuple((*exact.sin_cos_deg(float(angle)), angle > 0) for angle in _ANGLES)
 _WIDE = (*_TURNS, *((*exact.sin_cos_deg(float(angle)), angle > 0) for angle in _ROUND))
 _OTHER_SIDE = 2.0  # m2, cost of changing to the other side
+_KERB, _KERBS = 0.35, 5  # metres between positions ahead that are tested for the road, and their number
 _TOUCHING = 0.1  # m/s, permitted closing speed within the comfortable distance
 
 Vector2 = tuple[float, float]
@@ -37,6 +38,7 @@ class Scene:
     boxes: Sequence[tuple[Obstacle, float, float, float, float]]  # box, its margin, its velocity x, y, seconds ahead
     walls: Sequence[tuple[Obstacle, float]]  # with their margins
     reach: float  # metres within which walls are considered
+    on_road: Callable[[float, float], bool] | None = None  # where not to step aside; None: on the road already
 
     def free(self, ux: float, uy: float, speed: float, most: float) -> float:
         """Return the free distance in a direction, metres, at most `most`."""
@@ -60,6 +62,18 @@ class Scene:
         for wall, margin in self.walls:
             end = (self.x + ux * self.reach, self.y + uy * self.reach)
             free = min(free, wall.entry((self.x, self.y, *end), margin) * self.reach)
+        return free
+
+    def free_aside(self, ux: float, uy: float, speed: float, most: float) -> float:
+        """Return the free distance in a direction that is not that of the route: as `free`, and before the road."""
+        free = self.free(ux, uy, speed, most)
+        if self.on_road is not None:
+            for n in range(1, _KERBS + 1):
+                ahead = n * _KERB
+                if ahead - _KERB >= free:
+                    break
+                if self.on_road(self.x + ahead * ux, self.y + ahead * uy):
+                    return ahead - _KERB
         return free
 
 
@@ -96,7 +110,7 @@ def choose(scene: Scene, ahead: Vector2, speed: float, distance: float, side: in
     best = -best if blocked else best
     for sine, cosine, left in _WIDE if blocked else _TURNS:
         wx, wy = cosine * ux - sine * uy, cosine * uy + sine * ux
-        free = scene.free(wx, wy, speed, most)
+        free = scene.free_aside(wx, wy, speed, most)
         turn = 1 if left else -1
         if blocked:
             cost = -0.5 * free * (1.0 + cosine) if turn * side >= 0 else 0.0

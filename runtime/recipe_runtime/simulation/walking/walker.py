@@ -35,6 +35,7 @@ _AGAIN = 15.0  # seconds after such an attempt within which a second one plans a
 _GOALS = (6.0, 9.0, 12.0, 3.0)  # metres ahead on the route of the goals of such a path
 _PASSING = 1.0  # seconds after a sidestep during which the side is kept
 _ARRIVED, _CROWDED, _BACK = 0.02, 1.2, 0.6  # metres to the goal: reached; reached if it is occupied; left again
+_RETURN = 2.0  # seconds after it has made way, at which a pedestrian goes back
 _DECISION = 1.0  # metres before the kerb, in addition to the braking distance, at which a crossing is decided
 _NEAR_ROAD = 6.0  # metres before a road from which distant vehicles are considered
 _HURRY, _FASTEST = 7.0, 1.7  # duration of crossing at a traffic light, seconds, with at most this speed, m/s
@@ -75,6 +76,7 @@ class Walker:
         self._seed = zlib.crc32(actor.name.encode())
         self._side, self._beside = 0, 1
         self._stood, self._detour_until, self._passing_until = 0.0, -math.inf, -math.inf
+        self._made_way = math.inf  # time of the last step aside after which it has not gone back
         self._blocked_at, self._detour = -math.inf, Detour(surroundings)
         self._arrived = not actor.route or actor.speed <= 0.0
 
@@ -94,7 +96,7 @@ class Walker:
         route = self._route
         route.advance(own.x, own.y)
         if self._is_there(own) or route.pauses(seconds, own.speed < 0.5):
-            ux, uy, pace = self._make_way(own, others, None) or (*own.heading, 0.0)
+            ux, uy, pace = self._stand(own, others, seconds)
             return Wish(ux, uy, pace, look=self._look_about(seconds))
         speed, stop = self._pace(own), route.to_stop(own.x, own.y)
         crossing, on_road, waits, segment = self._crossings.next(route.metres), False, False, None
@@ -126,6 +128,16 @@ class Walker:
             return Wish(ux, uy, pace, waits, segment, look, aim)
         return Wish(wish.ux, wish.uy, wish.speed, waits, segment, look, aim)
 
+    def _stand(self, own: PedestrianAgent, others: Sequence[Agent], seconds: float) -> tuple[float, float, float]:
+        """Return direction and speed of a pedestrian who stands: it makes way, and goes back later."""
+        step = self._make_way(own, others, None) if self._actor.route and self._actor.speed > 0.0 else None
+        if step is not None:
+            self._made_way = seconds
+        elif seconds > self._made_way + _RETURN:
+            self._made_way = math.inf
+            self._arrived = self._arrived and self._route.distance_to_goal(own.x, own.y) < _BACK
+        return step or (*own.heading, 0.0)
+
     def _make_way(
         self, own: PedestrianAgent, others: Sequence[Agent], aim: tuple[float, float] | None
     ) -> tuple[float, float, float] | None:
@@ -134,7 +146,7 @@ class Walker:
         if step is None:
             return None
         scene = self._scene(own, others, step, on_road=False, comfort=_LEAST_COMFORT)
-        free = scene.free(*step, making_way.SPEED, SIGHT)
+        free = scene.free_aside(*step, making_way.SPEED, SIGHT)
         pace = min(making_way.SPEED, free)
         return (*step, pace) if pace > _LEAST_COMFORT else None
 
@@ -221,6 +233,7 @@ class Walker:
         goals = ((leader.x, leader.y),) if leader is not None else tuple(map(self._route.ahead, _GOALS))
         if not (again and self._detour.plan(own, goals, others, seconds)):
             self._detour_until = seconds + _DETOUR
+            self._side = -self._side if again else self._side  # the wide turns to this side led nowhere
 
     def _scene(
         self,
@@ -260,7 +273,9 @@ class Walker:
             gap = wall.outside(x, y)
             if 0.0 < gap < SIGHT:
                 walls.append((wall, min(radius + _TO_WALL, gap - 0.005)))
-        return Scene(x, y, discs, boxes, walls, SIGHT)
+        surroundings = self._surroundings
+        paved = not on_road and not surroundings.on_road(x, y)
+        return Scene(x, y, discs, boxes, walls, SIGHT, surroundings.on_road if paved else None)
 
     def _look_about(self, seconds: float) -> float:
         """Return a direction that changes every two seconds."""
