@@ -23,17 +23,21 @@ _SAME_WAY = 0.3  # cosine between two directions from which one queues behind th
 Vector2 = tuple[float, float]
 
 
-def aside(own: PedestrianAgent, aim: Vector2 | None, others: Sequence[Agent]) -> Vector2 | None:
-    """Return the direction in which to step aside, a unit vector; None if nobody walks towards the pedestrian.
+def steps(own: PedestrianAgent, aim: Vector2 | None, others: Sequence[Agent]) -> Sequence[Vector2]:
+    """Return the directions in which to step aside, the best one first; none if nobody walks towards the pedestrian.
 
-    It is at right angles to the paths of the others. Two who meet head-on step to opposite sides.
+    The first is at right angles to the paths of the others, so that two who meet head-on step to opposite sides. If
+    there is no room, one walks ahead of the others, or to the other side.
 
     Args:
         own: The pedestrian.
         aim: The direction in which it wants to go itself; None if it stands.
         others: Agents in sight.
+
+    Returns:
+        Unit vectors.
     """
-    sx = sy = 0.0
+    sx = sy = px = py = 0.0  # aside and ahead
     for other in others:
         theirs: Vector2 | None = getattr(other, "aim", None)
         if theirs is None or other is own.follower:
@@ -51,5 +55,6 @@ def aside(own: PedestrianAgent, aim: Vector2 | None, others: Sequence[Agent]) ->
             continue
         side = 1.0 if across > 0.0 else -1.0
         sx, sy = sx - side * uy / ahead, sy + side * ux / ahead
-    size = math.sqrt(sx * sx + sy * sy)
-    return (sx / size, sy / size) if size > 1e-6 else None
+        px, py = px + ux / ahead, py + uy / ahead
+    wanted = ((sx, sy), (sx + px, sy + py), (px, py), (-sx, -sy))
+    return [(x / size, y / size) for x, y in wanted if (size := math.sqrt(x * x + y * y)) > 1e-6]

@@ -35,6 +35,7 @@ _AGAIN = 15.0  # seconds after such an attempt within which a second one plans a
 _GOALS = (6.0, 9.0, 12.0, 3.0)  # metres ahead on the route of the goals of such a path
 _PASSING = 1.0  # seconds after a sidestep during which the side is kept
 _ARRIVED, _CROWDED, _BACK = 0.02, 1.2, 0.6  # metres to the goal: reached; reached if it is occupied; left again
+_LEAST_STEP = 0.05  # metres of room for a step aside
 _RETURN = 2.0  # seconds after it has made way, at which a pedestrian goes back
 _DECISION = 1.0  # metres before the kerb, in addition to the braking distance, at which a crossing is decided
 _NEAR_ROAD = 6.0  # metres before a road from which distant vehicles are considered
@@ -142,13 +143,13 @@ class Walker:
         self, own: PedestrianAgent, others: Sequence[Agent], aim: tuple[float, float] | None
     ) -> tuple[float, float, float] | None:
         """Return the direction and the speed of a step aside; None if there is no reason or no room for it."""
-        step = making_way.aside(own, aim, others)
-        if step is None:
-            return None
-        scene = self._scene(own, others, step, on_road=False, comfort=_LEAST_COMFORT)
-        free = scene.free_aside(*step, making_way.SPEED, SIGHT)
-        pace = min(making_way.SPEED, free)
-        return (*step, pace) if pace > _LEAST_COMFORT else None
+        scene = None
+        for step in making_way.steps(own, aim, others):
+            scene = scene or self._scene(own, others, None, on_road=False, comfort=_LEAST_COMFORT)
+            free = scene.free_aside(*step, making_way.SPEED, SIGHT)
+            if free > _LEAST_STEP:
+                return (*step, min(making_way.SPEED, free))
+        return None
 
     def _is_there(self, own: PedestrianAgent) -> bool:
         """Return whether it has reached its goal, or is near a goal that others occupy."""
@@ -195,7 +196,7 @@ class Walker:
         aim = (wx / size, wy / size)
         wish = self._avoid(own, others, aim, speed, distance, on_road=leader.crossing is not None, seconds=seconds)
         look = self._look_at(own, leader, seconds)
-        return Wish(wish.ux, wish.uy, wish.speed, False, leader.crossing, look)
+        return Wish(wish.ux, wish.uy, wish.speed, False, leader.crossing, look, aim)
 
     def _avoid(
         self,
@@ -239,13 +240,13 @@ class Walker:
         self,
         own: PedestrianAgent,
         others: Sequence[Agent],
-        ahead: tuple[float, float],
+        ahead: tuple[float, float] | None,
         *,
         on_road: bool,
         comfort: float,
     ) -> Scene:
-        """Return the obstacles nearby; `comfort` is the distance to people, metres."""
-        x, y, radius, (ux, uy) = own.x, own.y, own.radius, ahead
+        """Return the obstacles nearby: people ahead, or all; `comfort` is the distance to them, metres."""
+        x, y, radius, (ux, uy) = own.x, own.y, own.radius, ahead or (0.0, 0.0)
         discs: list[Disc] = []
         boxes = []
         for other in others:
