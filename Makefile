@@ -79,7 +79,7 @@ test-cpus: install-dev  ## equal bytes on emulated CPUs (slow; needs qemu-user)
 test-reliability: install-dev  ## builds that are killed, or run out of disk space, memory or permissions (some minutes)
 	$(BIN)/python -m pytest -q -m reliability -rs --durations=5
 
-test-soak: install-dev  ## an hour of simulated traffic without deadlocks, overlaps or ignored red lights (15 minutes)
+test-soak: install-dev  ## an hour of simulated traffic without deadlocks, crashes, ignored red lights or implausible driving (20 minutes)
 	$(BIN)/python -m pytest -q $(PARALLEL) --dist load -m soak -rs
 
 test-gpu: install-dev  ## equal bytes on a CUDA GPU; skipped, with the reason, without one

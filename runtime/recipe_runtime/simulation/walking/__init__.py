@@ -1,1 +1,1 @@
-"""Decisions of pedestrians: routes and pauses, crossing of roads, avoidance and detours."""
+"""Decisions of pedestrians: routes and pauses, crossing of roads, avoidance, making way and detours."""
