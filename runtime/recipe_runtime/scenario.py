@@ -210,10 +210,15 @@ class Scenario(Sequence[Frame]):
         """
         from recipe_runtime.attacks.patch_view import patch_view
 
-        plan = self._sensor(sensor)
         found = differentiable_patch(self.plan.appearance.patches, patch)
         with self._scenes.exclusive():
-            return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), found, size)
+            return patch_view(self.retextured(frame, sensor), found, size)
+
+    def retextured(self, frame: int, sensor: str | None = None) -> RetexturedFrame:
+        """Return a frame that is rendered again with other textures; arguments and errors are those of `render`."""
+        plan = self._sensor(sensor)
+        with self._scenes.exclusive():
+            return self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan))
 
     def sensitivity(
         self, parameter: str, frame: int, sensor: str | None = None, *, step: float | None = None

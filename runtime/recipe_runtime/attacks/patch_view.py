@@ -14,17 +14,16 @@ noise: see `pixel_light`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import PatchPlan
 
-from recipe_runtime.attacks import camera_curve
+from recipe_runtime.attacks.development import Development
 from recipe_runtime.attacks.inserted_view import InsertedView
 from recipe_runtime.attacks.mip_chain import MipChain, linear_light
-from recipe_runtime.attacks.pixel_light import LensLight, PixelLight
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
 from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import Texture, Values, as_image, check_shape, check_size
@@ -48,41 +47,62 @@ class PatchView(TextureView):
     """
 
     def __init__(
-        self, frame: PatchedFrame, patch: str, width: int, height: int, exclusive: ProcessLock | None = None
+        self,
+        frame: PatchedFrame,
+        patch: str,
+        width: int,
+        height: int,
+        exclusive: ProcessLock | None = None,
+        black: Collection[str] = (),
+        development: Development | None = None,
     ) -> None:
+        """Find how the frame depends on a patch's texture.
+
+        Args:
+            frame: The frame.
+            patch: Name of the patch.
+            width: Of its textures, texels.
+            height: Of its textures, texels.
+            exclusive: The lock of the scene, with which the frame shares buffers.
+            black: Other patches, which are black in `offset`; the rest have the recipe's textures.
+            development: That of the frame, if there is one.
+        """
         self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
         self._exclusive = exclusive or ProcessLock()
-        rows = frame.rows(patch)
+        rows = frame.rows(patch, black)
         self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
         self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
         self.mips = MipChain(width, height)
-        self._light: PixelLight | LensLight = PixelLight(frame.recording, frame.curve, frame.streak)
-        if frame.lens is not None:
-            self._light = LensLight(self._light, frame.lens, frame.device)
-        self.curve, self.pixels = frame.curve, frame.pixels
+        self.development = development or Development(frame)
+        self.curve, self.pixels = self.development.curve, frame.pixels
         self.picture = frame.render({})
 
     @property
     def memory(self) -> int:
         """As `TextureView.memory`."""
         texels = self.mips.shape[0] * self.mips.shape[1]
-        products = self.taps.memory + self._light.memory
+        products = self.taps.memory + self.development.memory
         own = _SAMPLE_BYTES * len(self.gain) + _TEXEL_BYTES * texels
         return self._frame.memory + products + own + self.picture.nbytes
 
     def linearised(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
         """As `TextureView.linearised`."""
-        light, light_slope = linear_light(texture)
-        level, saved = self._light.forward(self._radiance(self.mips.forward(light)))
-        noisy, noise_slope = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
-        values, curve_slope = camera_curve.encoded(noisy, self.curve.encoded)
+        added, texture_gradient = self.added(texture)
+        values, radiance_gradient = self.development.linearised(self.offset + added)
+        return values, lambda gradient: texture_gradient(radiance_gradient(gradient))
+
+    def added(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
+        """Return the radiance that a texture adds to `offset`, [N, 3], and the transpose of its derivative.
+
+        The transpose maps a gradient of the radiance, [N, 3], to one of the texture, [h, w, 3].
+        """
+        light, slope = linear_light(texture)
 
         def transposed(gradient: Values) -> Values:
-            radiance = self._light.backward(saved, gradient * (curve_slope * noise_slope))
-            texels = self.taps.backward(np.ascontiguousarray((radiance * self.gain)[self.samples]))
-            return self.mips.backward(texels) * light_slope
+            texels = self.taps.backward(np.ascontiguousarray((gradient * self.gain)[self.samples]))
+            return self.mips.backward(texels) * slope
 
-        return values, transposed
+        return self._radiance(self.mips.forward(light)), transposed
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:
         """As `TextureView.render`."""
@@ -96,16 +116,15 @@ class PatchView(TextureView):
         check_shape(self.patch, image.shape, self.shape)
         texels = np.concatenate([level.reshape(-1) for level in mip_levels(image)])
         channels = np.stack([texels & 255, texels >> 8 & 255, texels >> 16 & 255], axis=-1)
-        level, _ = self._light.forward(self._radiance(linear_light(channels / 255.0)[0]))
-        noisy, _ = camera_curve.with_noise(level, self.curve.deviates.astype(np.float64), self.curve.noise)
+        radiance = self.offset + self._radiance(linear_light(channels / 255.0)[0])
         out = self.picture.copy()
-        out.reshape(-1, 3)[self.pixels] = camera_curve.rounded(noisy, self.curve.rounded)
+        out.reshape(-1, 3)[self.pixels] = self.development.rounded(radiance)
         return out
 
     def _radiance(self, texels: Values) -> Values:
-        radiance = self.offset.copy()
-        radiance[self.samples] += self.gain[self.samples] * self.taps.forward(texels)
-        return radiance
+        added = np.zeros(self.offset.shape)
+        added[self.samples] = self.gain[self.samples] * self.taps.forward(texels)
+        return added
 
 
 def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> TextureView:
@@ -119,6 +138,18 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
     Raises:
         InputError: No size is given and the patch has no image, or the size is no pair or is too large.
     """
+    height, width = size_of(frame, patch, size)
+    if patch.inserted:
+        return InsertedView(frame, patch.name, width, height)
+    return PatchView(frame.scene, patch.name, width, height, frame.exclusive)
+
+
+def size_of(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> tuple[int, int]:
+    """Return the height and width of a view's textures: those of the recipe's image if the size is None.
+
+    Raises:
+        InputError: No size is given and the patch has no image, or the size is no pair or is too large.
+    """
     name = patch.name
     if size is None:
         own = frame.texture_size(patch)
@@ -128,7 +159,4 @@ def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] |
     if not isinstance(size, Sequence) or len(size) != 2:
         raise InputError(f"patch {name}: the size of its texture is {size!r}; give height and width")
     check_size(name, size[1], size[0])
-    size = int(size[0]), int(size[1])  # products of NumPy's integers overflow
-    if patch.inserted:
-        return InsertedView(frame, name, size[1], size[0])
-    return PatchView(frame.scene, name, size[1], size[0], frame.exclusive)
+    return int(size[0]), int(size[1])  # products of NumPy's integers overflow

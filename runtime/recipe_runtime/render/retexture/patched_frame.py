@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -156,13 +156,19 @@ class PatchedFrame:
                 out_rgb=out,
             )
 
-    def rows(self, patch: str) -> PatchRows:
-        """Return how the radiance of the slots depends on a patch's texture; other patches keep their textures."""
-        number = self._number(patch)
+    def rows(self, patch: str, black: Collection[str] = ()) -> PatchRows:
+        """Return how the radiance of the slots depends on a patch's texture.
+
+        Args:
+            patch: Name of the patch.
+            black: Other patches, to show black; the rest keep their textures.
+        """
+        number, dark = self._number(patch), [self._number(name) for name in black]
         album = self._album({})
         light = []
         for value in (0.0, 1.0):
             image, colour = self._images_with({}).copy(), self._patches.colour.numpy().copy()
+            image[dark], colour[dark] = -1, 0.0
             image[number], colour[number] = -1, value
             light.append(self._relit(self._patches_of(image, colour), album)[0].numpy().astype(np.float64))
         rec = self.recording
