@@ -24,7 +24,20 @@ except ModuleNotFoundError as error:
         "PyTorch is not installed", help="install it: pip install 'torch>=2.6'", code=Code.MISSING_LIBRARY
     ) from None
 
+from recipe_runtime.torch.augment import Geometric, Photometric
 from recipe_runtime.torch.dataset import RecipeDataset, Sample
-from recipe_runtime.torch.scene_view import Place, SceneView
+from recipe_runtime.torch.printable import Printable, total_variation
+from recipe_runtime.torch.scene_view import SceneView
+from recipe_runtime.torch.shots import Place, Shot
 
-__all__ = ["Place", "RecipeDataset", "Sample", "SceneView"]
+__all__ = [
+    "Geometric",
+    "Photometric",
+    "Place",
+    "Printable",
+    "RecipeDataset",
+    "Sample",
+    "SceneView",
+    "Shot",
+    "total_variation",
+]
