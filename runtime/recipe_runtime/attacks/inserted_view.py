@@ -16,6 +16,8 @@ from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import Texture, Values, as_image
 from recipe_runtime.insertion.inserter import InsertedPixels
 from recipe_runtime.insertion.warp import neighbours
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.retexture.linear_map import vectors
 from recipe_runtime.render.retexture.sparse import RowMatrix, SparseProduct, row_matrix
 
 
@@ -27,26 +29,27 @@ class InsertedView(TextureView):
     """
 
     def __init__(self, frame: RetexturedFrame, patch: str, width: int, height: int) -> None:
-        self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
+        self._frame, self.patch, self.shape, self.device = frame, patch, (height, width, 3), frame.scene.device
         self.picture, found = frame.render({}), frame.inserted_pixels(patch)
         self.pixels = np.zeros(0, np.int64)
         self.products: list[SparseProduct] = []
         if found is not None:
             self.pixels = found.rows * self.picture.shape[1] + found.columns
-            self.products = [SparseProduct(matrix, frame.scene.device) for matrix in _matrices(found, width, height)]
+            self.products = [SparseProduct(matrix, self.device) for matrix in _matrices(found, width, height)]
 
     @property
     def memory(self) -> int:
         """As `TextureView.memory`."""
         return self._frame.memory + sum(product.memory for product in self.products) + self.picture.nbytes
 
-    def linearised(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
+    def linearised(self, texture: DeviceArray) -> tuple[DeviceArray, Callable[[DeviceArray], DeviceArray]]:
         """As `TextureView.linearised`."""
         if not self.products:
-            return np.zeros((0, 3)), lambda gradient: np.zeros(self.shape)
+            none = vectors(np.zeros((0, 3)), self.device)
+            return none, lambda gradient: vectors(np.zeros(self.shape), self.device)
         reduction, warp = self.products
-        values = warp.forward(reduction.forward(texture.reshape(-1, 3)))
-        return values, lambda gradient: reduction.backward(warp.backward(gradient)).reshape(self.shape)
+        values = warp.product(reduction.product(texture))
+        return values, lambda gradient: reduction.transposed_product(warp.transposed_product(gradient))
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:
         """As `TextureView.render`."""

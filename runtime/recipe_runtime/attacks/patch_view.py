@@ -8,8 +8,8 @@ texture:
 M computes the mip levels. A is sparse: the weights of the texels that the renderer reads for the sample. gain is the
 light of sun, sky and lamps with shadow, coverage and fog; offset is the light that does not depend on the texture.
 Samples of wet ground that reflect a patch are included. The camera tone-maps samples, averages those of a pixel, and
-adds noise: see `camera_curve`. Motion blur, bloom, distortion, chromatic aberration and supersampling come before the
-noise: see `pixel_light`.
+adds noise: see `response_kernels`. Motion blur, bloom, distortion, chromatic aberration and supersampling come before
+the noise: see `pixel_light`.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import PatchPlan
 
-from recipe_runtime.attacks.development import Development
 from recipe_runtime.attacks.inserted_view import InsertedView
-from recipe_runtime.attacks.mip_chain import MipChain, linear_light
 from recipe_runtime.attacks.retextured_frame import RetexturedFrame
 from recipe_runtime.attacks.texture_view import TextureView
-from recipe_runtime.attacks.textures import Texture, Values, as_image, check_shape, check_size
+from recipe_runtime.attacks.textures import Texture, as_image, check_shape, check_size
 from recipe_runtime.frames.process_lock import ProcessLock
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.retexture.development import Development
+from recipe_runtime.render.retexture.linear_map import added
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
-from recipe_runtime.render.retexture.sparse import SparseProduct
+from recipe_runtime.render.retexture.texture_light import TextureLight
 from recipe_runtime.render.texture.mipmaps import mip_levels
 
-_SAMPLE_BYTES, _TEXEL_BYTES = 150, 16  # of memory, per sample and per texel
+_SAMPLE_BYTES, _TEXEL_BYTES = 300, 64  # of memory, per sample and per texel
 
 
 class PatchView(TextureView):
@@ -43,7 +44,8 @@ class PatchView(TextureView):
         offset: Of each sample, float64 [N, 3].
         samples: Index of each of the K samples that the patch covers, int32 [K]: the rows of A.
         taps: Products with A and its transpose, see `SparseProduct`.
-        mips: Products with M and its transpose.
+        mips: Products with M and its transpose, of textures [h * w, 3].
+        light: The same on the frame's device.
     """
 
     def __init__(
@@ -67,12 +69,11 @@ class PatchView(TextureView):
             black: Other patches, which are black in `offset`; the rest have the recipe's textures.
             development: That of the frame, if there is one.
         """
-        self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
+        self._frame, self.patch, self.shape, self.device = frame, patch, (height, width, 3), frame.device
         self._exclusive = exclusive or ProcessLock()
-        rows = frame.rows(patch, black)
-        self.samples, self.gain, self.offset = rows.samples, rows.gain, rows.offset
-        self.taps = SparseProduct(frame.taps(patch, width, height), frame.device)
-        self.mips = MipChain(width, height)
+        self.light = TextureLight(frame, patch, width, height, black)
+        self.samples, self.gain, self.offset = self.light.rows.samples, self.light.rows.gain, self.light.rows.offset
+        self.taps, self.mips = self.light.taps, self.light.mips
         self.development = development or Development(frame)
         self.curve, self.pixels = self.development.curve, frame.pixels
         self.picture = frame.render({})
@@ -80,29 +81,14 @@ class PatchView(TextureView):
     @property
     def memory(self) -> int:
         """As `TextureView.memory`."""
-        texels = self.mips.shape[0] * self.mips.shape[1]
-        products = self.taps.memory + self.development.memory
-        own = _SAMPLE_BYTES * len(self.gain) + _TEXEL_BYTES * texels
-        return self._frame.memory + products + own + self.picture.nbytes
+        own = _SAMPLE_BYTES * len(self.gain) + _TEXEL_BYTES * self.mips.size
+        return self._frame.memory + self.taps.memory + self.development.memory + own + self.picture.nbytes
 
-    def linearised(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
+    def linearised(self, texture: DeviceArray) -> tuple[DeviceArray, Callable[[DeviceArray], DeviceArray]]:
         """As `TextureView.linearised`."""
-        added, texture_gradient = self.added(texture)
-        values, radiance_gradient = self.development.linearised(self.offset + added)
+        radiance, texture_gradient = self.light.added(texture)
+        values, radiance_gradient = self.development.linearised(added(self.light.offset, radiance))
         return values, lambda gradient: texture_gradient(radiance_gradient(gradient))
-
-    def added(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
-        """Return the radiance that a texture adds to `offset`, [N, 3], and the transpose of its derivative.
-
-        The transpose maps a gradient of the radiance, [N, 3], to one of the texture, [h, w, 3].
-        """
-        light, slope = linear_light(texture)
-
-        def transposed(gradient: Values) -> Values:
-            texels = self.taps.backward(np.ascontiguousarray((gradient * self.gain)[self.samples]))
-            return self.mips.backward(texels) * slope
-
-        return self._radiance(self.mips.forward(light)), transposed
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:
         """As `TextureView.render`."""
@@ -116,15 +102,9 @@ class PatchView(TextureView):
         check_shape(self.patch, image.shape, self.shape)
         texels = np.concatenate([level.reshape(-1) for level in mip_levels(image)])
         channels = np.stack([texels & 255, texels >> 8 & 255, texels >> 16 & 255], axis=-1)
-        radiance = self.offset + self._radiance(linear_light(channels / 255.0)[0])
         out = self.picture.copy()
-        out.reshape(-1, 3)[self.pixels] = self.development.rounded(radiance)
+        out.reshape(-1, 3)[self.pixels] = self.development.rounded(self.light.of_levels(channels / 255.0))
         return out
-
-    def _radiance(self, texels: Values) -> Values:
-        added = np.zeros(self.offset.shape)
-        added[self.samples] = self.gain[self.samples] * self.taps.forward(texels)
-        return added
 
 
 def patch_view(frame: RetexturedFrame, patch: PatchPlan, size: tuple[int, int] | None) -> TextureView:

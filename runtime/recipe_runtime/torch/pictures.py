@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.attacks.joint_view import JointView
-from recipe_runtime.attacks.textures import Values, as_array, as_image
+from recipe_runtime.render.retexture.tensor_exchange import on_stream
 
 _EXCESS = 0.5  # by which a step of an optimiser may leave 0 to 1; larger values are in other units
 
@@ -33,45 +32,60 @@ class Batch:
     names: tuple[str, ...]
     quantise: bool
 
-    def pictures(self, textures: Sequence[torch.Tensor]) -> list[NDArray[np.generic]]:
-        """Return the pictures [H, W, 3] of textures [1 or n, 3, h, w]."""
-        values = [_clipped(name, given) for name, given in zip(self.names, textures, strict=True)]
-        pictures: list[NDArray[np.generic]] = []
-        for number, view in enumerate(self.views):
-            shown = self._shown(values, number)
-            if self.quantise:
-                images = {patch: as_image(patch, texture) for patch, texture in shown.items()}
-                pictures.append(view.render(images) / np.float32(255.0))
-            else:
-                pictures.append(view.forward(shown))
-        sizes = {f"{picture.shape[1]} x {picture.shape[0]}" for picture in pictures}
+    def pictures(self, textures: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Return the pictures [n, 3, H, W], float32 if they are quantised, else float64, of textures [1 or n, 3, h, w].
+
+        They are on the renderer's device, and nothing is copied from it if the textures are there as well.
+        """
+        sizes = {f"{view.picture.shape[1]} x {view.picture.shape[0]}" for view in self.views}
         if len(sizes) > 1:
             raise InputError(
                 f"pictures of {' and '.join(sorted(sizes))} pixels are no batch; choose frames of one size"
             )
-        return pictures
+        values = [_clipped(name, given, self.device) for name, given in zip(self.names, textures, strict=True)]
+        shape, dtype = self.views[0].picture.shape, torch.float32 if self.quantise else torch.float64
+        out = torch.empty((len(self.views), 3, shape[0], shape[1]), dtype=dtype, device=self.device)
+        with _on_its_stream(out):
+            for number, view in enumerate(self.views):
+                view.write_picture(self._shown(values, number), out[number], self.quantise)
+        return out
 
-    def gradients(self, textures: Sequence[torch.Tensor], gradients: NDArray[np.float64]) -> list[Values]:
-        """Return the gradients [1 or n, h, w, 3] of textures, summed in the order of pictures and patches.
+    def gradients(self, textures: Sequence[torch.Tensor], gradients: torch.Tensor) -> list[torch.Tensor]:
+        """Return the gradients [1 or n, 3, h, w] of textures, float64, summed in the order of pictures and patches.
 
         Args:
             textures: [1 or n, 3, h, w].
-            gradients: Of the pictures, [n, H, W, 3].
+            gradients: Of the pictures, [n, 3, H, W].
         """
-        given = [as_array_of(name, tensor) for name, tensor in zip(self.names, textures, strict=True)]
-        values = [np.clip(texture, 0.0, 1.0) for texture in given]
-        totals = {name: np.zeros(texture.shape) for name, texture in zip(self.names, values, strict=True)}
-        for number, (view, gradient) in enumerate(zip(self.views, gradients, strict=True)):
-            found = view.backward(self._shown(values, number), gradient)
-            for patch, texture in self.patches[number]:
-                at = number if len(totals[texture]) > 1 else 0
-                totals[texture][at] = totals[texture][at] + found[patch]
+        given = [_float64(texture, self.device) for texture in textures]
+        values = [texture.clamp(0.0, 1.0) for texture in given]
+        totals = {name: torch.zeros_like(texture) for name, texture in zip(self.names, values, strict=True)}
+        upstream = _float64(gradients, self.device)
+        with _on_its_stream(upstream):
+            for number, view in enumerate(self.views):
+                shown = self._shown(values, number)
+                found = {patch: torch.empty_like(texture) for patch, texture in shown.items()}
+                view.write_gradients(shown, upstream[number], found)
+                for patch, texture in self.patches[number]:
+                    totals[texture][number if len(totals[texture]) > 1 else 0] += found[patch]
         return [
-            np.where(clipped != texture, 0.0, total)
+            torch.where(clipped != texture, 0.0, total)
             for clipped, texture, total in zip(values, given, totals.values(), strict=True)
         ]
 
-    def _shown(self, values: Sequence[Values], number: int) -> dict[str, Values]:
+    @property
+    def device(self) -> torch.device:
+        """The renderer's device.
+
+        Raises:
+            InputError: The views are on several devices.
+        """
+        devices = sorted({view.device for view in self.views})
+        if len(devices) > 1:
+            raise InputError(f"a batch has pictures of the devices {' and '.join(devices)}; choose one device")
+        return torch.device(devices[0])
+
+    def _shown(self, values: Sequence[torch.Tensor], number: int) -> dict[str, torch.Tensor]:
         """Return the texture of each patch in a picture."""
         by_name = dict(zip(self.names, values, strict=True))
         return {
@@ -86,8 +100,7 @@ class Pictures(torch.autograd.Function):
     @staticmethod
     def forward(batch: Batch, *textures: torch.Tensor) -> torch.Tensor:
         """Return the pictures [n, 3, H, W]."""
-        stacked = np.ascontiguousarray(np.stack(batch.pictures(textures)).transpose(0, 3, 1, 2))
-        return torch.from_numpy(stacked).to(dtype=textures[0].dtype, device=textures[0].device)
+        return batch.pictures(textures).to(dtype=textures[0].dtype, device=textures[0].device)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[Any, ...], output: torch.Tensor) -> None:
@@ -113,14 +126,8 @@ class Gradients(torch.autograd.Function):
     @staticmethod
     def forward(batch: Batch, gradient: torch.Tensor, *textures: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return the gradient of each texture, of that of the pictures."""
-        pictures = gradient.detach().cpu().to(torch.float64).numpy().transpose(0, 2, 3, 1)
-        found = zip(batch.gradients(textures, pictures), textures, strict=True)
-        return tuple(
-            torch.from_numpy(np.ascontiguousarray(total.transpose(0, 3, 1, 2))).to(
-                dtype=texture.dtype, device=texture.device
-            )
-            for total, texture in found
-        )
+        found = zip(batch.gradients(textures, gradient), textures, strict=True)
+        return tuple(total.to(dtype=texture.dtype, device=texture.device) for total, texture in found)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[torch.Tensor, ...]) -> None:
@@ -156,23 +163,27 @@ def check_texture(name: str, texture: object) -> torch.Tensor:
     )
 
 
-def as_array_of(name: str, textures: torch.Tensor) -> Values:
-    """Return textures as float64 [n, h, w, 3]; raise InputError as `as_array` does."""
-    return np.stack([as_array(name, texture).astype(np.float64) for texture in textures])
+def _float64(tensor: torch.Tensor, device: torch.device) -> torch.Tensor:
+    return tensor.detach().to(device, torch.float64).contiguous()
 
 
-def _clipped(name: str, textures: torch.Tensor) -> Values:
-    """Return textures, clipped to 0 to 1, as float64 [n, h, w, 3]; raise InputError if values are far outside."""
-    values = as_array_of(name, textures)
-    low, high = float(values.min()), float(values.max())
-    if low < -_EXCESS or high > 1.0 + _EXCESS:
+def _clipped(name: str, textures: torch.Tensor, device: torch.device) -> torch.Tensor:
+    """Return textures, clipped to 0 to 1, as float64; raise InputError if values are far outside or not finite."""
+    values = _float64(textures, device)
+    low, high = torch.stack(torch.aminmax(values)).tolist()  # the only numbers that a GPU sends to the host
+    if not (low >= -_EXCESS and high <= 1.0 + _EXCESS):
         raise InputError(
             f"the texture of {name} has values from {low:g} to {high:g}; textures are from 0 to 1: divide 8-bit values"
             " by 255, and clamp the texture after each step",
             code=Code.OUT_OF_RANGE,
         )
-    clipped: Values = np.clip(values, 0.0, 1.0)
-    return clipped
+    return values.clamp(0.0, 1.0)
+
+
+def _on_its_stream(tensor: torch.Tensor) -> AbstractContextManager[object]:
+    """Return a context in which the renderer runs on the stream that PyTorch uses on a tensor's device."""
+    stream = torch.cuda.current_stream(tensor.device).cuda_stream if tensor.is_cuda else 0
+    return on_stream(str(tensor.device), stream)
 
 
 def _element(tensors: Sequence[torch.Tensor], dims: Sequence[int | None], number: int) -> list[torch.Tensor]:

@@ -26,7 +26,8 @@ from recipe_runtime.render.retexture.lens_map_kernels import (
     record_moments,
     record_samples,
 )
-from recipe_runtime.render.retexture.sparse import RowMatrix, Values, row_matrix
+from recipe_runtime.render.retexture.linear_map import Values
+from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 
 Numbers = NDArray[np.int32]
 
