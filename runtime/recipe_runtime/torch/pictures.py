@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -171,7 +172,9 @@ def _clipped(name: str, textures: torch.Tensor, device: torch.device) -> torch.T
     """Return textures, clipped to 0 to 1, as float64; raise InputError if values are far outside or not finite."""
     values = _float64(textures, device)
     low, high = torch.stack(torch.aminmax(values)).tolist()  # the only numbers that a GPU sends to the host
-    if not (low >= -_EXCESS and high <= 1.0 + _EXCESS):
+    if not math.isfinite(low + high):
+        raise InputError(f"the texture of {name} has values that are not finite; give floats from 0 to 1")
+    if low < -_EXCESS or high > 1.0 + _EXCESS:
         raise InputError(
             f"the texture of {name} has values from {low:g} to {high:g}; textures are from 0 to 1: divide 8-bit values"
             " by 255, and clamp the texture after each step",
