@@ -17,8 +17,8 @@ from recipe_runtime.attacks.textures import Texture, Values, as_image
 from recipe_runtime.insertion.inserter import InsertedPixels
 from recipe_runtime.insertion.warp import neighbours
 from recipe_runtime.render.device.arrays import DeviceArray
-from recipe_runtime.render.retexture.linear_map import vectors
-from recipe_runtime.render.retexture.sparse import RowMatrix, SparseProduct, row_matrix
+from recipe_runtime.render.linear.linear_map import vectors
+from recipe_runtime.render.linear.sparse import RowMatrix, SparseProduct, row_matrix
 
 
 class InsertedView(TextureView):

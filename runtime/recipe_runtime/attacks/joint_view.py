@@ -20,8 +20,8 @@ from recipe_runtime.attacks.retextured_frame import RetexturedFrame
 from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import Texture, Values, as_gradient, as_images, as_values, differentiable_patch
 from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.linear.linear_map import added, numbers, vectors
 from recipe_runtime.render.retexture.development import Development
-from recipe_runtime.render.retexture.linear_map import added, numbers, vectors
 from recipe_runtime.render.retexture.tensor_exchange import bytes_of, places_of, put, put_picture, take
 from recipe_runtime.render.retexture.texture_replay import TextureReplay
 

@@ -27,8 +27,8 @@ from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import Texture, as_image, check_shape, check_size
 from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.linear.linear_map import added
 from recipe_runtime.render.retexture.development import Development
-from recipe_runtime.render.retexture.linear_map import added
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.texture_light import TextureLight
 from recipe_runtime.render.texture.mipmaps import mip_levels

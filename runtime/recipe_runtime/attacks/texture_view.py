@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recipe_runtime.attacks.textures import Texture, Values, as_gradient, as_values
 from recipe_runtime.render.device.arrays import DeviceArray
-from recipe_runtime.render.retexture.linear_map import numbers, vectors
+from recipe_runtime.render.linear.linear_map import numbers, vectors
 from recipe_runtime.render.retexture.tensor_exchange import places_of
 
 

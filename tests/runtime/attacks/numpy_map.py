@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
+from recipe_runtime.render.linear.sparse import SparseProduct
 from recipe_runtime.render.retexture.lens_map import LensMap
 from recipe_runtime.render.retexture.patched_frame import CameraCurve, PatchedFrame
 from recipe_runtime.render.retexture.recording import Recording
-from recipe_runtime.render.retexture.sparse import SparseProduct
 from recipe_runtime.render.texture.mipmaps import covered, halved
 
 Values = NDArray[np.float64]

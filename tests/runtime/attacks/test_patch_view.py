@@ -15,8 +15,8 @@ from recipe_runtime.attacks.patch_view import PatchView
 from recipe_runtime.attacks.textures import as_image
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.linear_map import Values, vectors
-from recipe_runtime.render.retexture.mip_chain import MipChain
+from recipe_runtime.render.linear.linear_map import Values, vectors
+from recipe_runtime.render.linear.mip_chain import MipChain
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.texture.mipmaps import mip_levels
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear

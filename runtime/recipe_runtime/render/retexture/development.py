@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.linear_map import multiplied, numbers, vectors
+from recipe_runtime.render.linear.linear_map import multiplied, numbers, vectors
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.pixel_light import LensLight, PixelLight
 from recipe_runtime.render.retexture.response_kernels import encode_pixels

@@ -18,6 +18,7 @@ from recipe_runtime.render.camera.post_process import needs_post_process
 from recipe_runtime.render.device.arrays import DeviceArray, copy_struct, set_fields, struct_array, struct_of
 from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.linear.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.patches.patch_arrays import texture_of
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.raster.observation import Observation
@@ -31,7 +32,6 @@ from recipe_runtime.render.retexture.relight_kernels import (
     pixel_deviates,
     relight,
 )
-from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.linear.linear_map import added, multiplied, subtracted, vectors
+from recipe_runtime.render.linear.sparse import SparseProduct
 from recipe_runtime.render.retexture.lens_map import LensMap
-from recipe_runtime.render.retexture.linear_map import added, multiplied, subtracted, vectors
 from recipe_runtime.render.retexture.recording import Mirrors, Recording
 from recipe_runtime.render.retexture.response_kernels import (
     MirrorArrays,
@@ -26,7 +27,6 @@ from recipe_runtime.render.retexture.response_kernels import (
     tone_samples,
     undo_tone,
 )
-from recipe_runtime.render.retexture.sparse import SparseProduct
 
 Saved = tuple[DeviceArray, ...]
 

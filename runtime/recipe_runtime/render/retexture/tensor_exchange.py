@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.texture_kernels import put_bytes, put_planes, put_shares, take_planes
+from recipe_runtime.render.linear.texture_kernels import put_bytes, put_planes, put_shares, take_planes
 
 
 def places_of(indices: NDArray[np.integer], device: str) -> DeviceArray:

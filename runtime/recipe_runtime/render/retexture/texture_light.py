@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.linear_map import Values, added, multiplied, vectors
-from recipe_runtime.render.retexture.mip_chain import MipChain
+from recipe_runtime.render.linear.linear_map import Values, added, multiplied, vectors
+from recipe_runtime.render.linear.mip_chain import MipChain
+from recipe_runtime.render.linear.sparse import SparseProduct
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.response_kernels import light_slots, texel_gradients
-from recipe_runtime.render.retexture.sparse import SparseProduct
 
 
 class TextureLight:

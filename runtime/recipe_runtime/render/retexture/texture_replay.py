@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from recipe_runtime.render.device.arrays import DeviceArray, struct_of
-from recipe_runtime.render.retexture.mip_chain import MipChain
+from recipe_runtime.render.linear.mip_chain import MipChain
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 
 

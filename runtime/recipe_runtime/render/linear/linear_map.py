@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.vector_kernels import add_vectors, multiply_vectors, subtract_vectors
+from recipe_runtime.render.linear.vector_kernels import add_vectors, multiply_vectors, subtract_vectors
 
 Values = NDArray[np.float64]
 

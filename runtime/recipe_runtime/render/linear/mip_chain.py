@@ -11,8 +11,8 @@ from recipe_compiler.ir import exact
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.linear_map import LinearMap, Values
-from recipe_runtime.render.retexture.texture_kernels import (
+from recipe_runtime.render.linear.linear_map import LinearMap, Values
+from recipe_runtime.render.linear.texture_kernels import (
     INTERVALS,
     decode_texture,
     halve_level,

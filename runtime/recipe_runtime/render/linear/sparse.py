@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.linear_map import LinearMap, Values
-from recipe_runtime.render.retexture.vector_kernels import multiply_rows
+from recipe_runtime.render.linear.linear_map import LinearMap, Values
+from recipe_runtime.render.linear.vector_kernels import multiply_rows
 
 _ENTRY_BYTES = 12  # column and weight
 
