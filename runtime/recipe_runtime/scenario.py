@@ -199,13 +199,13 @@ class Scenario(Sequence[Frame]):
 
         Args:
             frame: Frame number; negative numbers count from the end.
-            patch: Name of a patch of mode `rendered` or `digital`.
+            patch: Name of a patch of any mode but `green`.
             sensor: Name of a sensor, the first by default.
             size: Height and width of the texture; those of the recipe's image by default.
 
         Raises:
             InputError: There is no such sensor or patch, the patch has no image and no size is given, its mode is
-                `color_transfer`, or it is rendered in a picture into which other patches are inserted.
+                `green`, or it is rendered in a picture into which other patches are inserted.
             IndexError: There is no such frame.
         """
         from recipe_runtime.attacks.patch_view import patch_view

@@ -37,15 +37,10 @@ def differentiable_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan
     """Return the patch with a name, which must have a gradient.
 
     Raises:
-        InputError: No patch has this name, its mode is `green` or `color_transfer`, or its mode is `rendered` and
-            another patch's texture is inserted into the finished picture.
+        InputError: No patch has this name, its mode is `green`, or its mode is `rendered` and another patch's texture
+            is inserted into the finished picture.
     """
     found = textured_patch(patches, name)
-    if found.mode == "color_transfer":
-        raise InputError(
-            f"patch {name}: its mode is color_transfer, through which there is no gradient; choose a variant with mode"
-            " rendered or digital"
-        )
     inserted = [patch.name for patch in patches if patch.inserted]
     if inserted and not found.inserted:
         raise InputError(

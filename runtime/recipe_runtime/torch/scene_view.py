@@ -32,7 +32,7 @@ class SceneView(torch.nn.Module):
 
     Args:
         recipe: Path of a recipe, its plan, or one of its variants.
-        patch: Name of a patch of mode `rendered` or `digital`; or the patch or patches that show each of several
+        patch: Name of a patch of any mode but `green`; or the patch or patches that show each of several
             textures, by the texture's name: `{"logo": ["poster", "van"], "sign": "sign"}`.
         frames: Pairs of variant and frame number; a plain number is a frame of the first variant. By default, all
             frames of all variants that the sensors take.
