@@ -9,8 +9,8 @@ Requires `torch`: without it, the import of this package raises InputError.
     for batch in DataLoader(street, batch_size=8, shuffle=True, num_workers=4):
         batch["rgb"], batch["depth"]                     # uint8 [8, 3, H, W], float32 [8, H, W]
 
-Frames have the bytes of the built dataset, in any order and in any worker. `SceneView` is a module that maps a texture
-to pictures, with the exact gradient.
+Frames have the bytes of the built dataset, in any order and in any worker. `SceneView` is a module that maps
+textures to pictures, with the exact gradient; the other modules change textures for attacks that survive a printer.
 """
 
 from recipe_compiler.ir.errors import Code, InputError
