@@ -17,6 +17,7 @@ from recipe_runtime.torch.shots import Patches, Place, Recipe, Shot, shots_of
 from recipe_runtime.torch.targets import target_of
 
 Textures: TypeAlias = torch.Tensor | Mapping[str, torch.Tensor]
+Augment: TypeAlias = Callable[[torch.Tensor], torch.Tensor]
 Sizes = tuple[tuple[int, int], ...]
 
 
@@ -40,7 +41,7 @@ class SceneView(torch.nn.Module):
         quantise: Round textures and pictures to 8 bits, so that pictures are the frames' bytes divided by 255. The
             gradient is that of the unrounded pictures (a straight-through estimator).
         augment: Applied to the textures of a batch, one for each picture, [n, 3, h, w], before they are rendered, such
-            as `Photometric`.
+            as `Photometric`; or what is applied to each of several textures, by its name.
         device: Device of the renderer: `cpu`, `cuda` or `cuda:N`.
         memory: About how many bytes of memory to use for frames kept between calls; others are rendered again.
 
@@ -61,13 +62,17 @@ class SceneView(torch.nn.Module):
         *,
         sensor: str | Iterable[str] | None = None,
         quantise: bool = True,
-        augment: Callable[[torch.Tensor], torch.Tensor] | None = None,
+        augment: Augment | Mapping[str, Augment] | None = None,
         device: str = "cpu",
         memory: int = 4 << 30,
     ) -> None:
         super().__init__()
+        self.augment: Augment | Mapping[str, Augment] | None
         self.quantise, self.augment, self.memory = quantise, augment, memory
         self._show(shots_of(recipe, patch, frames, sensor, device))
+        unknown = [name for name in augment if name not in self.textures] if isinstance(augment, Mapping) else []
+        if unknown:
+            raise InputError(f"`augment` names the texture {unknown[0]}; the view has {', '.join(self.textures)}")
 
     def _show(self, shots: list[Shot]) -> None:
         self.shots, self.frames = shots, [shot.place for shot in shots]
@@ -127,10 +132,10 @@ class SceneView(torch.nn.Module):
         """
         given = self._given(texture)
         shots = self._chosen(given, batch, step, at)
-        if self.augment is not None:
-            given = {name: self.augment(values.expand(len(shots), -1, -1, -1)) for name, values in given.items()}
-            for name, values in given.items():
-                check_texture(name, values)
+        augments = self.augment if isinstance(self.augment, Mapping) else dict.fromkeys(given, self.augment)
+        for name, augment in augments.items():
+            if augment is not None:
+                given[name] = check_texture(name, augment(given[name].expand(len(shots), -1, -1, -1)))
         sizes = {name: (int(values.shape[-2]), int(values.shape[-1])) for name, values in given.items()}
         shown = Batch([self._view(s, sizes) for s in shots], [s.patches for s in shots], tuple(given), self.quantise)
         pictures: torch.Tensor = Pictures.apply(shown, *given.values())  # type: ignore[no-untyped-call, unused-ignore]

@@ -61,6 +61,20 @@ def test_each_picture_has_its_own_augmented_texture(view: Any) -> None:
     assert texture.grad.shape == texture.shape and texture.grad.any()
 
 
+def test_textures_are_augmented_by_name(view: Any) -> None:
+    from recipe_runtime.torch import SceneView
+
+    scene, grey = view.shots[0].scenario, torch.full((1, 3, 4, 4), 0.5)
+    shown = {"wall": "poster", "car": "paint"}
+    dark = SceneView(scene, shown, [0], sensor="small", augment={"car": torch.zeros_like})
+    plain = SceneView(scene, shown, [0], sensor="small")
+    expected = plain.pictures({"wall": grey, "car": torch.zeros_like(grey)})
+    assert torch.equal(dark.pictures({"wall": grey, "car": grey}), expected)
+    assert not torch.equal(plain.pictures({"wall": grey, "car": grey}), expected)
+    with pytest.raises(InputError, match="`augment` names the texture roof; the view has wall, car"):
+        SceneView(scene, shown, [0], augment={"roof": torch.zeros_like})
+
+
 def test_photometric_changes_have_the_published_ranges() -> None:
     """Contrast and brightness are drawn for a texture, noise for a value: Thys et al. (2019)."""
     from recipe_runtime.torch import Photometric
