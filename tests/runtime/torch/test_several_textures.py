@@ -9,12 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 import recipe_runtime
+from PIL import Image
 from recipe_compiler.ir.errors import InputError
+from recipe_runtime.build.pipeline import BuildOptions, build
+from recipe_runtime.core import layout
+from recipe_runtime.loading import opened
 
+from tests.compiler.modelling import png
 from tests.runtime.torch.scenes import IMAGES, square, street
 
 pytestmark = pytest.mark.torch
 torch = pytest.importorskip("torch")
+PAINTED = "paint: {on: {actor: car}, texture: {frames: film}}"
 CLEAR, RAINY = "weather=clear", "weather=rainy"
 
 
@@ -56,6 +62,30 @@ def test_several_patches_and_sensors(recipe: Path, folder: Path) -> None:
         labels = shot.scenario.labels(shot.frame, shot.sensor)
         assert target["area"].tolist() == [record["area"] for record in labels]
     assert not torch.equal(pictures[0], pictures[1])
+
+
+def test_pictures_are_those_of_a_built_dataset(recipe: Path, tmp_path: Path) -> None:
+    """Of several patches, sensors and variants at once, with another texture in each frame."""
+    from recipe_runtime.torch import SceneView
+
+    film = [IMAGES["b"], IMAGES["b"][::-1], IMAGES["b"][:, ::-1]]
+    path = street(tmp_path, "a", "c", "b")
+    (tmp_path / "film").mkdir()
+    for k, image in enumerate(film):
+        (tmp_path / f"film/{k}.png").write_bytes(png(np.ascontiguousarray(image)))
+    path.write_text(path.read_text().replace("paint: {on: {actor: car}, texture: {image: b.png}}", PAINTED))
+    plan, engines = opened(path)
+    build(plan, tmp_path / "out", BuildOptions(engines=engines, cache=tmp_path / "cache", workers=0))
+
+    view = SceneView(recipe, {"over": "sticker", "film": "paint"}, sensor=["left", "right"])
+    frames = torch.tensor(np.stack(film).transpose(0, 3, 1, 2) / 255.0, dtype=torch.float32)
+    pictures = view.pictures({"over": texture_of("c"), "film": frames[[shot.frame for shot in view.shots]]})
+    assert len(pictures) == 12
+    for shot, shown in zip(view.shots, pictures, strict=True):
+        file = tmp_path / "out" / layout.modality_file(shot.variant, shot.sensor, "rgb", shot.frame, "png")
+        assert torch.equal(
+            (shown * 255).round().to(torch.uint8), torch.from_numpy(np.array(Image.open(file))).permute(2, 0, 1)
+        )
 
 
 def test_one_texture_on_patches_actors_and_towns(recipe: Path, folder: Path) -> None:
