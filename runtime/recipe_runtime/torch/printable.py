@@ -45,7 +45,7 @@ class Printable(torch.nn.Module):
         """
         colours = self.colours.to(dtype=texture.dtype, device=texture.device)
         apart = texture.unsqueeze(-4) - colours[:, :, None, None]  # [..., colours, 3, h, w]
-        return torch.linalg.vector_norm(apart, dim=-3).prod(dim=-3).mean()
+        return apart.norm(dim=-3).prod(dim=-3).mean()
 
 
 def total_variation(texture: torch.Tensor) -> torch.Tensor:
@@ -59,4 +59,4 @@ def total_variation(texture: torch.Tensor) -> torch.Tensor:
     """
     corner = texture[..., :-1, :-1]
     steps = torch.stack([texture[..., :-1, 1:] - corner, texture[..., 1:, :-1] - corner])
-    return torch.linalg.vector_norm(steps, dim=0).mean()
+    return steps.norm(dim=0).mean()
