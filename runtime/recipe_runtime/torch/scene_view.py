@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias
@@ -67,24 +66,26 @@ class SceneView(torch.nn.Module):
         memory: int = 4 << 30,
     ) -> None:
         super().__init__()
+        self._show(shots_of(recipe, patch, frames, sensor, device), quantise, augment, memory)
+
+    def _show(
+        self, shots: list[Shot], quantise: bool, augment: Augment | Mapping[str, Augment] | None, memory: int
+    ) -> None:
         self.augment: Augment | Mapping[str, Augment] | None
         self.quantise, self.augment, self.memory = quantise, augment, memory
-        self._show(shots_of(recipe, patch, frames, sensor, device))
-        unknown = [name for name in augment if name not in self.textures] if isinstance(augment, Mapping) else []
-        if unknown:
-            raise InputError(f"`augment` names the texture {unknown[0]}; the view has {', '.join(self.textures)}")
-
-    def _show(self, shots: list[Shot]) -> None:
         self.shots, self.frames = shots, [shot.place for shot in shots]
         self.textures = tuple(dict.fromkeys(texture for shot in shots for _, texture in shot.patches))
         self._views: OrderedDict[tuple[Shot, Sizes], JointView] = OrderedDict()
         self._targets: dict[Shot, dict[str, torch.Tensor]] = {}
+        unknown = [name for name in augment if name not in self.textures] if isinstance(augment, Mapping) else []
+        if unknown:
+            raise InputError(f"`augment` names the texture {unknown[0]}; the view has {', '.join(self.textures)}")
 
     def __add__(self, other: SceneView) -> SceneView:
         """Return a view of the frames of both, with the options of the first and the memory of both."""
-        joined = copy.copy(self)
-        joined.memory = self.memory + other.memory
-        joined._show(self.shots + other.shots)
+        joined = SceneView.__new__(SceneView)
+        torch.nn.Module.__init__(joined)
+        joined._show(self.shots + other.shots, self.quantise, self.augment, self.memory + other.memory)
         return joined
 
     def __getstate__(self) -> dict[str, object]:
@@ -174,6 +175,8 @@ class SceneView(torch.nn.Module):
         """Return the shots of a batch."""
         most = max(len(values) for values in given.values())
         if at is not None:
+            if batch is not None or step:
+                raise InputError("a batch is given by `at`, or by `batch` and `step`, and not by both")
             shots = [self.shots[int(k)] for k in at]
         else:
             size = batch if batch is not None else most if most > 1 else len(self.shots)

@@ -106,6 +106,11 @@ def _patches(given: Patches) -> tuple[tuple[str, str], ...]:
     """Return pairs of patch and texture; a single patch has the name of its texture."""
     if isinstance(given, str):
         return ((given, given),)
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"the patches are a {type(given).__name__}; give the name of one, or a dictionary from names of textures to"
+            " patches"
+        )
     pairs = [
         (patch, texture)
         for texture, patches in given.items()

@@ -211,6 +211,11 @@ MANY = {"wall": "poster", "over": "sticker"}
         (lambda t: {"wall": t * 2 - 1, "over": t}, {}, r"wall has values from -1 to 1; textures are from 0 to 1"),
         (lambda t: {"wall": t, "over": t * np.nan}, {}, r"over has values that are not finite"),
         (lambda t: {"wall": t, "over": t}, {"at": []}, "a batch has one picture or more"),
+        (
+            lambda t: {"wall": t, "over": t},
+            {"at": [0], "batch": 2},
+            "by `at`, or by `batch` and `step`, and not by both",
+        ),
     ],
 )
 def test_wrong_textures_are_refused(recipe: Path, texture: Any, options: Any, match: str) -> None:
@@ -223,11 +228,13 @@ def test_wrong_textures_are_refused(recipe: Path, texture: Any, options: Any, ma
 def test_wrong_patches_are_refused(recipe: Path) -> None:
     from recipe_runtime.torch import SceneView
 
-    for patches, match in (
+    wrong: list[tuple[Any, str]] = [
         ({}, "names none"),
+        (["poster", "paint"], "the patches are a list; give the name of one, or a dictionary"),
         ({"a": ["poster"], "b": "poster"}, "patch poster: it shows one texture, and the mapping names it twice"),
         ({"a": ["poster", "roof"]}, "no patch 'roof'"),
-    ):
+    ]
+    for patches, match in wrong:
         with pytest.raises(InputError, match=match):
             SceneView(recipe, patches)
     with pytest.raises(InputError, match="pictures of 48 x 32 and 96 x 64 pixels are no batch"):
