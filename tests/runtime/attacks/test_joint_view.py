@@ -49,6 +49,8 @@ deltas:
     rendered: {{}}
     digital:
       patches: {{poster: {{mode: digital}}, sticker: {{mode: digital}}, paint: null, logo: {{mode: digital}}}}
+    transfer:
+      patches: {{poster: {{mode: color_transfer}}, sticker: {{mode: digital}}, paint: null}}
 """
 IMAGES = {"a": smooth(12, 20, 0, 1), "b": smooth(60, 90, 1, 4), "c": smooth(37, 23, 2, 2)}
 OTHERS = {"d": smooth(9, 7, 3, 1), "e": smooth(16, 33, 5, 2), "f": smooth(24, 24, 7, 3)}
@@ -75,7 +77,7 @@ def view_of(folder: Path, mode: str, sensor: str) -> tuple[JointView, dict[str, 
     return JointView(scene(folder, mode=mode).retextured(1, sensor), sizes), textures
 
 
-CASES = [("rendered", "street"), ("rendered", "bent"), ("digital", "street")]
+CASES = [("rendered", "street"), ("rendered", "bent"), ("digital", "street"), ("transfer", "street")]
 
 
 @pytest.mark.slow
