@@ -33,6 +33,7 @@ from recipe_runtime.modalities import label_array
 from recipe_runtime.scenes import Scenes as Scenes
 
 if TYPE_CHECKING:
+    from recipe_runtime.attacks.retextured_frame import RetexturedFrame
     from recipe_runtime.attacks.texture_view import TextureView
 
 MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU

@@ -115,7 +115,9 @@ class Pictures(torch.autograd.Function):
         return None, *Gradients.apply(ctx.batch, gradients[0], *ctx.saved_tensors)
 
     @staticmethod
-    def vmap(info: Any, in_dims: tuple[int | None, ...], batch: Batch, *textures: torch.Tensor) -> tuple[Any, int]:
+    def vmap(
+        info: Any, in_dims: tuple[int | None, ...], batch: Batch, *textures: torch.Tensor
+    ) -> tuple[torch.Tensor, int]:
         """Return the pictures of each element of a batch of textures."""
         each = [Pictures.apply(batch, *_element(textures, in_dims[1:], k)) for k in range(info.batch_size)]
         return torch.stack(each), 0
@@ -131,11 +133,11 @@ class Gradients(torch.autograd.Function):
         return tuple(total.to(dtype=texture.dtype, device=texture.device) for total, texture in found)
 
     @staticmethod
-    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[torch.Tensor, ...]) -> None:
+    def setup_context(ctx: object, inputs: tuple[object, ...], output: tuple[torch.Tensor, ...]) -> None:
         """Nothing is kept."""
 
     @staticmethod
-    def backward(ctx: Any, *gradients: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
+    def backward(ctx: object, *gradients: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
         """Raise InputError."""
         raise InputError("the gradient of a SceneView cannot be differentiated again; use no penalty on gradients")
 
