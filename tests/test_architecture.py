@@ -24,7 +24,7 @@ DOORS = {
     "msgspec": {"recipe_runtime/core/documents.py", "recipe_runtime/dataset/plan_reader.py"},
     "fsspec": {"recipe_runtime/transfer/stores.py"},
     "ray": {"recipe_runtime/build/ray.py"},
-    "torch": {"recipe_runtime/torch.py"},
+    "torch": {"recipe_runtime/torch/"},
     "multiprocessing": {"recipe_runtime/build/local.py"},
 }
 

@@ -33,6 +33,7 @@ from recipe_runtime.modalities import label_array
 from recipe_runtime.scenes import Scenes as Scenes
 
 if TYPE_CHECKING:
+    from recipe_runtime.attacks.retextured_frame import RetexturedFrame
     from recipe_runtime.attacks.texture_view import TextureView
 
 MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU
@@ -199,21 +200,26 @@ class Scenario(Sequence[Frame]):
 
         Args:
             frame: Frame number; negative numbers count from the end.
-            patch: Name of a patch of mode `rendered` or `digital`.
+            patch: Name of a patch of any mode but `green`.
             sensor: Name of a sensor, the first by default.
             size: Height and width of the texture; those of the recipe's image by default.
 
         Raises:
             InputError: There is no such sensor or patch, the patch has no image and no size is given, its mode is
-                `color_transfer`, or it is rendered in a picture into which other patches are inserted.
+                `green`, or it is rendered in a picture into which other patches are inserted.
             IndexError: There is no such frame.
         """
         from recipe_runtime.attacks.patch_view import patch_view
 
-        plan = self._sensor(sensor)
         found = differentiable_patch(self.plan.appearance.patches, patch)
         with self._scenes.exclusive():
-            return patch_view(self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan)), found, size)
+            return patch_view(self.retextured(frame, sensor), found, size)
+
+    def retextured(self, frame: int, sensor: str | None = None) -> RetexturedFrame:
+        """Return a frame that is rendered again with other textures; arguments and errors are those of `render`."""
+        plan = self._sensor(sensor)
+        with self._scenes.exclusive():
+            return self._scenes.patched_frame(self.plan, plan, self._taken(frame, plan))
 
     def sensitivity(
         self, parameter: str, frame: int, sensor: str | None = None, *, step: float | None = None

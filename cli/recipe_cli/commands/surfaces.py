@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -187,9 +188,9 @@ def _row(body: _Body, surface: Surface) -> dict[str, object]:
     return {
         **row,
         "whole": False,
-        "size": [round(v, 3) for v in surface.size],
-        "x": [round(v, 3) for v in surface.x],
-        "z": [round(v, 3) for v in surface.z],
+        "size": [_inward(v) for v in surface.size],
+        "x": _inside(surface.x),
+        "z": _inside(surface.z),
         "part": surface.part,
         "middle": middle,
         "normal": [round(v, 6) for v in face.normal],
@@ -214,9 +215,19 @@ def _print_table(bodies: list[_Body]) -> None:
                 yaw = round(atan2_deg(face.normal[1], face.normal[0])) % 360
                 turned = "upward" if face.normal[2] > 0.7 else f"facing yaw {yaw} degrees"
                 place = f"at x {x:.1f}, y {y:.1f}, {turned}"
-            ranges = (f"{low:.2f} to {high:.2f}" for low, high in (surface.x, surface.z))
-            rows.append((*head, "{:.2f} x {:.2f}".format(*surface.size), *ranges, place))
+            ranges = ("{:.3f} to {:.3f}".format(*_inside(limits)) for limits in (surface.x, surface.z))
+            rows.append((*head, "{:.3f} x {:.3f}".format(*map(_inward, surface.size)), *ranges, place))
     say_table(rows)
+
+
+def _inside(limits: tuple[float, float]) -> list[float]:
+    """Return a range in whole millimetres that is within a range in metres."""
+    return [0.0 - _inward(-limits[0]), _inward(limits[1])]
+
+
+def _inward(value: float) -> float:
+    """Return metres, rounded down to whole millimetres, so that a patch of a listed size fits."""
+    return math.floor(value * 1000 + 1e-6) / 1000 + 0.0
 
 
 def _face(surface: object) -> PatchFace:

@@ -1,7 +1,9 @@
-"""A patch of mode `digital` as a function of its texture, which is warped into the finished picture.
+"""A patch of mode `digital` or `color_transfer` as a function of its texture, which is warped into the picture.
 
-The values of the pixels that show the patch are linear in the texture's sRGB values: W R texture, where R downsamples
-the texture to about the size at which the picture shows it, and W interpolates it bilinearly.
+In mode `digital`, the values of the pixels that show the patch are linear in the texture's sRGB values: W R texture,
+where R downsamples the texture to about the size at which the picture shows it, and W interpolates it bilinearly. In
+mode `color_transfer` they are clip(ratio * W f(R texture)), where f changes colours: see `color_transfer`. f and the
+brightness ratios do not depend on the texture.
 """
 
 from __future__ import annotations
@@ -16,44 +18,61 @@ from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.textures import Texture, Values, as_image
 from recipe_runtime.insertion.inserter import InsertedPixels
 from recipe_runtime.insertion.warp import neighbours
-from recipe_runtime.render.retexture.sparse import RowMatrix, SparseProduct, row_matrix
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.linear.linear_map import numbers, vectors
+from recipe_runtime.render.linear.sparse import RowMatrix, SparseProduct, row_matrix
 
 
 class InsertedView(TextureView):
-    """A patch of mode `digital` in a frame of a sensor.
+    """A patch of mode `digital` or `color_transfer` in a frame of a sensor.
 
     Attributes:
         products: R and W with their transposes; empty if the frame does not show the patch.
     """
 
     def __init__(self, frame: RetexturedFrame, patch: str, width: int, height: int) -> None:
-        self._frame, self.patch, self.shape = frame, patch, (height, width, 3)
+        self._frame, self.patch, self.shape, self.device = frame, patch, (height, width, 3), frame.scene.device
         self.picture, found = frame.render({}), frame.inserted_pixels(patch)
         self.pixels = np.zeros(0, np.int64)
         self.products: list[SparseProduct] = []
         if found is not None:
             self.pixels = found.rows * self.picture.shape[1] + found.columns
-            self.products = [SparseProduct(matrix, frame.scene.device) for matrix in _matrices(found, width, height)]
+            self.products = [SparseProduct(matrix, self.device) for matrix in _matrices(found, width, height)]
+        self._change = frame.color_change(patch)
 
     @property
     def memory(self) -> int:
         """As `TextureView.memory`."""
         return self._frame.memory + sum(product.memory for product in self.products) + self.picture.nbytes
 
-    def linearised(self, texture: Values) -> tuple[Values, Callable[[Values], Values]]:
+    def linearised(self, texture: DeviceArray) -> tuple[DeviceArray, Callable[[DeviceArray], DeviceArray]]:
         """As `TextureView.linearised`."""
         if not self.products:
-            return np.zeros((0, 3)), lambda gradient: np.zeros(self.shape)
+            none = vectors(np.zeros((0, 3)), self.device)
+            return none, lambda gradient: vectors(np.zeros(self.shape), self.device)
         reduction, warp = self.products
-        values = warp.forward(reduction.forward(texture.reshape(-1, 3)))
-        return values, lambda gradient: reduction.backward(warp.backward(gradient)).reshape(self.shape)
+        image = reduction.product(texture)
+        if self._change is None:
+            return warp.product(image), lambda y: reduction.transposed_product(warp.transposed_product(y))
+        change, ratios = self._change  # on the host: the image has about as many texels as the picture shows
+        colours, colours_transposed = change.linearised(numbers(image) * 255.0)
+        values = numbers(warp.product(vectors(colours / 255.0, self.device))) * ratios
+        kept = np.where((values < 0.0) | (values > 1.0), 0.0, ratios)
+
+        def transposed(gradient: DeviceArray) -> DeviceArray:
+            back = warp.transposed_product(vectors(numbers(gradient) * kept, self.device))
+            return reduction.transposed_product(vectors(colours_transposed(numbers(back)), self.device))
+
+        return vectors(np.clip(values, 0.0, 1.0), self.device), transposed
 
     def render(self, texture: Texture) -> NDArray[np.uint8]:
         """As `TextureView.render`."""
         return self._frame.render({self.patch: as_image(self.patch, texture)})
 
     def rounded(self, texture: Texture) -> NDArray[np.uint8]:
-        """As `TextureView.rounded`."""
+        """As `TextureView.rounded`; in mode `color_transfer`, whose methods round in between, as `render`."""
+        if self._change is not None:
+            return self.render(texture)
         return np.floor(self.forward(as_image(self.patch, texture)) * 255.0 + 0.5).astype(np.uint8)
 
 

@@ -12,8 +12,10 @@ from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.plan import AppearancePlan, SensorPlan
 
 from recipe_runtime.core.interfaces import Observed
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.frames.process_lock import ProcessLock
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.insertion.color_transfer import Transfer
 from recipe_runtime.insertion.inserter import InsertedPixels, Inserter
 
 if TYPE_CHECKING:
@@ -88,6 +90,20 @@ class RetexturedFrame:
         number = [plan.name for plan in self.patches].index(patch)
         shown = self._maps[self._appearance.digest]
         return self._inserter.pixels(shown, self._appearance, number, self._sensor, self._number)
+
+    def color_change(self, patch: str) -> tuple[Transfer, Array] | None:
+        """Return the colour transform of an inserted, visible patch, and the brightness ratio of each of its N pixels.
+
+        The ratios are [N, 1]. Neither depends on textures of inserted patches. None if the patch's mode has none.
+        """
+        number = [plan.name for plan in self.patches].index(patch)
+        pixels = self.inserted_pixels(patch)
+        replay = _Replay(self._frames, self._maps, {})
+        with self.exclusive():
+            change = self._inserter.change(replay, self._appearance, number)
+            if change is None or pixels is None:
+                return None
+            return change, change.ratios(replay.picture(self._appearance)[pixels.rows, pixels.columns])
 
     def texture_size(self, patch: PatchPlan) -> tuple[int, int] | None:
         """Return width and height of a patch's own image; None for a colour."""

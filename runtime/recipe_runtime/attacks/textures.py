@@ -37,15 +37,10 @@ def differentiable_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan
     """Return the patch with a name, which must have a gradient.
 
     Raises:
-        InputError: No patch has this name, its mode is `green` or `color_transfer`, or its mode is `rendered` and
-            another patch's texture is inserted into the finished picture.
+        InputError: No patch has this name, its mode is `green`, or its mode is `rendered` and another patch's texture
+            is inserted into the finished picture.
     """
     found = textured_patch(patches, name)
-    if found.mode == "color_transfer":
-        raise InputError(
-            f"patch {name}: its mode is color_transfer, through which there is no gradient; choose a variant with mode"
-            " rendered or digital"
-        )
     inserted = [patch.name for patch in patches if patch.inserted]
     if inserted and not found.inserted:
         raise InputError(
@@ -94,7 +89,7 @@ def as_array(name: str, texture: object) -> NDArray[np.generic]:
     values = _channels_last(f"the texture of {name}", texture)
     if values.ndim != 3 or values.shape[2] != 3 or not values.size:
         raise InputError(
-            f"the texture of {name} has the shape {values.shape}; give an array [height, width, 3], or a tensor"
+            f"the texture of {name} has the shape {_shape(texture)}; give an array [height, width, 3], or a tensor"
             " [3, height, width]"
         )
     check_size(name, values.shape[1], values.shape[0])
@@ -123,7 +118,7 @@ def as_values(name: str, texture: Texture, shape: tuple[int, ...]) -> Values:
         InputError: It is not an image, has floats outside 0 to 1, or does not have the shape.
     """
     given = _within(name, as_array(name, texture))
-    check_shape(name, given.shape, shape)
+    check_shape(name, given.shape, shape, texture)
     values: Values = given.astype(np.float64)
     return values / 255.0 if given.dtype == np.uint8 else values
 
@@ -145,8 +140,8 @@ def as_gradient(name: str, gradient: object, shape: tuple[int, ...]) -> Values:
     values = _channels_last(what, gradient)
     if values.shape != shape:
         raise InputError(
-            f"{what} has the shape {values.shape}, but the picture has the shape {shape}; give an array [height, width,"
-            " 3], or a tensor [3, height, width]"
+            f"{what} has the shape {_shape(gradient)}, but the picture has the shape {shape}; give an array [height,"
+            " width, 3], or a tensor [3, height, width]"
         )
     if values.dtype.kind not in "fiu":
         raise InputError(f"{what} is of {values.dtype}; give floats")
@@ -171,6 +166,12 @@ def _channels_last(what: str, given: Any) -> NDArray[np.generic]:
     return values
 
 
+def _shape(given: object) -> tuple[int, ...]:
+    """Return the shape of an array or a tensor as its owner sees it."""
+    shape = getattr(given, "shape", None)
+    return np.asarray(given).shape if shape is None else tuple(shape)
+
+
 def _of_tensor(what: str, tensor: Any) -> NDArray[np.generic]:
     """Return a tensor as an array; of types that NumPy lacks, such as bfloat16, as float32."""
     try:
@@ -183,11 +184,13 @@ def _of_tensor(what: str, tensor: Any) -> NDArray[np.generic]:
     return values
 
 
-def check_shape(name: str, given: tuple[int, ...], wanted: tuple[int, ...]) -> None:
-    """Raise InputError if a texture does not have the shape for which a view was made."""
+def check_shape(name: str, given: tuple[int, ...], wanted: tuple[int, ...], texture: object = None) -> None:
+    """Raise InputError if a texture, an array or the tensor `texture`, does not have the shape that a view is for."""
     if given != wanted:
+        shape = given if texture is None else _shape(texture)
         raise InputError(
-            f"the texture of {name} has the shape {given}, but the view is of textures of the shape {wanted}",
+            f"the texture of {name} has the shape {shape}, but the view is of textures of the shape {wanted}: height,"
+            " width and channels",
             help=f"make the view with patch_view(frame, {name!r}, size=({given[0]}, {given[1]}))",
         )
 

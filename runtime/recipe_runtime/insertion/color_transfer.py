@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ from recipe_runtime.core.transforms import Array
 from recipe_runtime.insertion.color_chart import COLORS, ChartPixels
 from recipe_runtime.insertion.least_squares import least_squares
 
+Linearised = tuple[Array, Callable[[Array], Array]]  # values, and the transpose of their derivative
+
 _GAMMA = 2.2
 _PLACEHOLDER = tuple(float(int(GREEN[k : k + 2], 16)) for k in (1, 3, 5))
 _KEPT = 99, 100  # share of the pixels that the fit keeps, as a fraction: REAP's default
@@ -37,11 +39,13 @@ _KEPT = 99, 100  # share of the pixels that the fit keeps, as a fraction: REAP's
 class Transfer:
     """A colour transform.
 
-    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `reference` is the denominator of the brightness
-    ratio; None if the method has no brightness ratio.
+    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `linearised` does so without rounding, and also
+    returns the transpose of the derivative. `reference` is the denominator of the brightness ratio; None if the method
+    has no brightness ratio.
     """
 
     texture: Callable[[Array], Array]
+    linearised: Callable[[Array], Linearised]
     reference: float | None
 
     def ratios(self, placeholder: NDArray[np.uint8]) -> Array:
@@ -65,12 +69,12 @@ def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:
         if matrix is not None:
             seen = float(_through_matrix(np.array([[_PLACEHOLDER]]), matrix).max())
             reference = max(_PLACEHOLDER) if method == "dapricot" else max(seen, 1.0)
-            return Transfer(lambda texture: _through_matrix(texture, matrix), reference)
+            return Transfer(partial(_through_matrix, matrix=matrix), partial(_smooth_matrix, matrix=matrix), reference)
     if method == "reap" and chart is not None:
         lines = _lines(chart)
         if lines is not None:
-            return Transfer(lambda texture: _through_lines(texture, lines), None)
-    return Transfer(lambda texture: texture, max(_PLACEHOLDER))
+            return Transfer(partial(_through_lines, lines=lines), partial(_smooth_lines, lines=lines), None)
+    return Transfer(lambda texture: texture, lambda texture: (texture, lambda gradient: gradient), max(_PLACEHOLDER))
 
 
 def _matrix(chart: ChartPixels) -> list[list[float]] | None:
@@ -99,6 +103,35 @@ def _through_matrix(texture: Array, matrix: list[list[float]]) -> Array:
     return out
 
 
+def _smooth_matrix(texture: Array, matrix: list[list[float]]) -> Linearised:
+    """Apply a matrix to a texture without rounding, and return the transpose of the derivative as well."""
+    nodes = np.array(_decoded())
+    light, light_slope = _light(texture)
+    linear = np.stack([((x * light[..., 0] + y * light[..., 1]) + z * light[..., 2]) + w for x, y, z, w in matrix], -1)
+    i = np.clip(np.searchsorted(nodes, linear, side="right") - 1, 0, 254)
+    step = nodes[i + 1] - nodes[i]
+    values = np.clip(i + (linear - nodes[i]) / step, 0.0, 255.0)
+    fixed = (texture >= 254.5) | (linear < 0.0) | (linear > 1.0)  # saturated values do not change
+
+    def transposed(gradient: Array) -> Array:
+        back = np.where(fixed, 0.0, gradient / step)
+        r, g, b = (back[..., channel] for channel in range(3))
+        columns = [(r * matrix[0][k] + g * matrix[1][k]) + b * matrix[2][k] for k in range(3)]
+        return np.stack(columns, axis=-1) * light_slope
+
+    return np.where(texture >= 254.5, 255.0, values), transposed
+
+
+def _light(levels: Array) -> tuple[Array, Array]:
+    """Return the decoded value of levels 0 to 255, and its derivative, by cubic Hermite interpolation."""
+    light, slope = (np.array(column) for column in (_decoded(), _decoded_slope()))
+    i = np.clip(levels, 0.0, 254.0).astype(np.int64)
+    t = levels - i
+    a, b, p, q = light[i], light[i + 1], slope[i], slope[i + 1]
+    c, d = 3.0 * (b - a) - 2.0 * p - q, 2.0 * (a - b) + p + q
+    return a + t * (p + t * (c + t * d)), p + t * (2.0 * c + t * 3.0 * d)
+
+
 def _lines(chart: ChartPixels) -> list[tuple[float, float]] | None:
     """Return slope and offset of each channel; None if undetermined."""
     found = []
@@ -125,7 +158,20 @@ def _through_lines(texture: Array, lines: list[tuple[float, float]]) -> Array:
     return changed
 
 
+def _smooth_lines(texture: Array, lines: list[tuple[float, float]]) -> Linearised:
+    slope = np.array([a for a, _ in lines])
+    values = texture * slope + np.array([b for _, b in lines])
+    inside = np.where((values < 0.0) | (values > 255.0), 0.0, slope)
+    return np.clip(values, 0.0, 255.0), lambda gradient: gradient * inside
+
+
 @cache
 def _decoded() -> tuple[float, ...]:
     """Return the decoded value, 0 to 1, of each level."""
     return tuple(exact.power(level / 255.0, _GAMMA) for level in range(256))
+
+
+@cache
+def _decoded_slope() -> tuple[float, ...]:
+    """Return the derivative of the decoded value at each level."""
+    return tuple(_GAMMA / 255.0 * exact.power(level / 255.0, _GAMMA - 1.0) for level in range(256))

@@ -16,7 +16,7 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, sensor_transform
 from recipe_runtime.insertion import projection
 from recipe_runtime.insertion.color_chart import ChartPixels, chart_appearance, chart_pixels
-from recipe_runtime.insertion.color_transfer import transfer
+from recipe_runtime.insertion.color_transfer import Transfer, transfer
 from recipe_runtime.insertion.warp import Image, reduced, sampled, texture_size
 
 _IMAGES = 8  # decoded textures in memory
@@ -90,12 +90,19 @@ class Inserter:
             pixels = self.pixels(shown, appearance, number, sensor, frame) if patch.inserted else None
             if pixels is None:
                 continue
-            chart = _chart(renderer, appearance, number) if patch.transfer in WITH_CHART else None
+            change = self.change(renderer, appearance, number)
             texture = others[patch.name] if patch.name in others else self._texture(patch, frame)
             rows, columns = pixels.rows, pixels.columns
-            values = _values(patch, texture, chart, pixels, before[rows, columns])
+            values = _values(texture, change, pixels, before[rows, columns])
             picture[rows, columns] = np.floor(np.clip(values, 0.0, 255.0) + 0.5).astype(np.uint8)
         return picture
+
+    def change(self, renderer: FrameRenderer, appearance: AppearancePlan, number: int) -> Transfer | None:
+        """Return the colour transform of the patch with a number; None if its mode has none."""
+        method = appearance.patches[number].transfer
+        if method is None:
+            return None
+        return transfer(method, _chart(renderer, appearance, number) if method in WITH_CHART else None)
 
     def pixels(
         self, patch_map: NDArray[np.uint8], appearance: AppearancePlan, number: int, sensor: SensorPlan, frame: int
@@ -143,24 +150,21 @@ def _chart(renderer: FrameRenderer, appearance: AppearancePlan, number: int) -> 
 
 
 def _values(
-    patch: PatchPlan,
     texture: Image,
-    chart: ChartPixels | None,
+    change: Transfer | None,
     pixels: InsertedPixels,
     placeholder: NDArray[np.uint8],
 ) -> Array:
     """Return the inserted values of pixels, float64 [N, 3], before clipping and rounding.
 
     Args:
-        patch: The patch.
-        texture: Its texture.
-        chart: The histograms of a chart in its place, if its transform needs them.
+        texture: The texture.
+        change: Its colour transform.
         pixels: The pixels.
         placeholder: Their values before insertion, uint8 [N, 3].
     """
     image = reduced(texture, *pixels.reduced_size(texture.shape[1], texture.shape[0]))
     u, v = pixels.places()
-    if patch.transfer is None:
+    if change is None:
         return sampled(image, u, v)
-    change = transfer(patch.transfer, chart)
     return sampled(change.texture(image), u, v) * change.ratios(placeholder)

@@ -1,4 +1,4 @@
-"""Other textures on inserted patches have the bytes of a build, and those of mode `digital` a gradient."""
+"""Other textures on inserted patches have the bytes of a build, and a gradient."""
 
 from __future__ import annotations
 
@@ -110,11 +110,41 @@ def test_the_gradient_of_a_digital_patch_is_its_transpose(folder: Path) -> None:
     np.testing.assert_array_equal(view.render(inside), view.render(eighths))
 
 
+@pytest.fixture(scope="module")
+def dark(folder: Path) -> Scenario:
+    """A scene for colour transforms, with little light so that ratios differ from 1."""
+    text = RECIPE.format(poster="b", hood="a").replace("  actors:", "  weather: HardRainNoon\n  actors:")
+    (folder / "dark.yaml").write_text(text)
+    return scene(folder, "dark", "transfer")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["dapricot", "matrix", "armory", "reap"])
+def test_the_gradient_through_colour_transforms(dark: Scenario, method: str) -> None:
+    """Forward differs from the picture by the methods' rounding; finite differences have the gradient.
+
+    A level of rounding before the matrix is up to six levels after it, in dark colours.
+    """
+    patches = tuple(p.model_copy(update={"transfer": method}) for p in dark.plan.appearance.patches)
+    plan = dark.plan.model_copy(update={"appearance": dark.plan.appearance.model_copy(update={"patches": patches})})
+    view, draw = Scenario(plan, dark._scenes).patch_view(1, "poster", "street", size=(60, 90)), np.random.default_rng(1)
+    texture = TEXTURES["b"]
+    apart = np.abs(view.forward(texture) * 255.0 - view.render(texture)).reshape(-1, 3)[view.pixels]
+    rounded = method in ("dapricot", "matrix")
+    assert apart.max() <= (6.0 if rounded else 0.5 + 1e-9) and apart.mean() < (0.8 if rounded else 0.3)
+    assert (view.rounded(texture) == view.render(texture)).all()
+    inside = np.clip(texture / 255.0, 0.02, 0.98)
+    for _ in range(3):
+        y, way = draw.normal(size=view.picture.shape), draw.normal(size=texture.shape)
+        high, low = view.forward(inside + 1e-7 * way), view.forward(inside - 1e-7 * way)
+        measured = ((high - low) * y).sum() / 2e-7
+        assert (view.backward(inside, y) * way).sum() == pytest.approx(measured, rel=1e-4, abs=1e-5)
+        assert abs(measured) > 1e-3
+
+
 @pytest.mark.slow
 def test_a_rendered_patch_beside_an_inserted_one_has_no_gradient(folder: Path) -> None:
     with pytest.raises(InputError, match="poster: there is no gradient in a picture into which the texture of hood is"):
         scene(folder, "first", "mixed").patch_view(0, "poster")
-    with pytest.raises(InputError, match="color_transfer, through which there is no gradient; choose a variant"):
-        scene(folder, "first", "transfer").patch_view(0, "poster")
     with pytest.raises(InputError, match=r"\(2, 2, 3\), but the view is of textures of the shape \(12, 20, 3\)"):
         scene(folder, "first", "digital").patch_view(0, "poster").forward(np.zeros((2, 2, 3)))

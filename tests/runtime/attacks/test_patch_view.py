@@ -11,13 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.patches import PatchFace, PatchTexture
 from recipe_compiler.ir.plan import AppearancePlan, CameraResponse, Pose
-from recipe_runtime.attacks.camera_curve import inverse_tone, tone
-from recipe_runtime.attacks.mip_chain import MipChain, Values, linear_light
 from recipe_runtime.attacks.patch_view import PatchView
+from recipe_runtime.attacks.textures import as_image
 from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.linear.linear_map import Values, vectors
+from recipe_runtime.render.linear.mip_chain import MipChain
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
+from recipe_runtime.render.texture.mipmaps import mip_levels
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
+from tests.runtime.attacks.numpy_map import inverse_tone, linear_light, linearised, tone
 from tests.runtime.render.street import WEATHERS
 from tests.runtime.render.test_patches import FACE, Pixels, Scene, file_of, noise, of_colour, patch, with_patches
 
@@ -120,15 +124,42 @@ def test_products_with_the_matrix_and_its_transpose_agree(weather: str) -> None:
     np.testing.assert_allclose(taps.forward(np.ones((a.width, 3))), 1.0, atol=1e-6)  # taps are a mean
 
 
+@pytest.mark.parametrize("lens", ["plain", "noisy", "lens"])
+@pytest.mark.parametrize("weather", ["rainy", "night"])
+def test_the_kernels_have_the_bytes_of_numpy(weather: str, lens: str) -> None:
+    """The forward values and the gradient of an independent implementation; a gradient must not change by a bit."""
+    frame = frame_of(scene_of(OWN), plan_of(OWN, weather, lens))
+    view, x = PatchView(frame, "poster", 31, 23), np.random.default_rng(3).uniform(0, 1, (23, 31, 3))
+    y = np.random.default_rng(4).normal(size=view.picture.shape)
+    values, gradient = linearised(frame, "poster", x, y.reshape(-1, 3)[view.pixels])
+    assert view.forward(x).reshape(-1, 3)[view.pixels].tobytes() == values.tobytes()
+    assert view.backward(x, y).tobytes() == gradient.tobytes() and np.abs(gradient).max() > 0.01
+
+
+@given(st.integers(1, 40), st.integers(1, 9), st.integers(0, 1000))
+@settings(max_examples=40, deadline=None)
+def test_textures_on_a_device_are_rounded_as_a_build_rounds(width: int, height: int, seed: int) -> None:
+    """Texture and mip levels have the bytes of `mip_levels`; halves round up."""
+    draw, chain = np.random.default_rng(seed), MipChain(width, height)
+    image = draw.integers(0, 256, (height, width, 3)).astype(np.uint8)
+    noise = draw.uniform(-0.5, 0.4999, image.shape)
+    noise[draw.uniform(size=image.shape) < 0.3] = -0.5
+    texture = np.clip((image + noise) / 255.0, 0.0, 1.0)
+    expected = mip_levels(as_image("poster", texture))
+    out = wp.empty(chain.texels + 2, dtype=wp.uint32, device="cpu")
+    chain.round_into(vectors(texture, "cpu"), out, 1)
+    np.testing.assert_array_equal(out.numpy()[1:-1], np.concatenate([level.reshape(-1) for level in expected]))
+
+
 @given(st.integers(1, 9), st.integers(1, 9), st.integers(0, 1000))
 @settings(max_examples=40, deadline=None)
 def test_the_transpose_of_mip_levels(width: int, height: int, seed: int) -> None:
     chain, draw = MipChain(width, height), np.random.default_rng(seed)
-    x = draw.integers(-9, 9, (height, width, 3)).astype(float)
+    x = draw.integers(-9, 9, (height * width, 3)).astype(float)
     levels = chain.forward(x)
     y = draw.integers(-9, 9, levels.shape).astype(float)
     assert (levels * y).sum() == pytest.approx((x * chain.backward(y)).sum(), abs=1e-9)
-    np.testing.assert_allclose(levels[-1], x.mean(axis=(0, 1)), atol=1e-12)
+    np.testing.assert_allclose(levels[-1], x.mean(axis=0), atol=1e-12)
 
 
 @pytest.mark.parametrize("weather", WEATHERS)

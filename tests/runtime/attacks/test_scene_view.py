@@ -243,3 +243,26 @@ def test_frames_and_batches_are_checked(view: Any, recipe: Path) -> None:
         SceneView(recipe, "poster", [])
     with pytest.raises(InputError, match="a batch has one picture or more, and not 0"):
         view(texture_of(SECOND), batch=0)
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("quantise", [True, False])
+def test_a_gpu_gives_the_same_pictures_and_gradients(recipe: Path, quantise: bool) -> None:
+    """Also on another stream of PyTorch, with other work before and after it."""
+    from recipe_runtime.torch import SceneView
+
+    texture = texture_of(SECOND)
+    found = {}
+    for device in ("cpu", "cuda:0", "cuda:0 on a stream"):
+        place, _, own_stream = device.partition(" ")
+        view = SceneView(recipe, "poster", PLACES, quantise=quantise, device=place)
+        with torch.cuda.stream(torch.cuda.Stream() if own_stream else torch.cuda.default_stream()):
+            for _ in range(3):
+                shown = texture.to(place).requires_grad_()
+                pictures = view.pictures(shown)
+                weights = torch.linspace(-1, 1, pictures.numel(), dtype=torch.float64).reshape(pictures.shape).to(place)
+                (gradient,) = torch.autograd.grad(pictures, shown, weights.to(pictures.dtype))
+                assert pictures.device == gradient.device == shown.device
+            found[device] = pictures.detach().cpu(), gradient.cpu()
+    for pictures, gradient in list(found.values())[1:]:
+        assert torch.equal(pictures, found["cpu"][0]) and torch.equal(gradient, found["cpu"][1])

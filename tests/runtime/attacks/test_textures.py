@@ -184,6 +184,22 @@ def test_a_gradient_may_be_a_tensor() -> None:
         np.testing.assert_array_equal(as_gradient("poster", Tensor(values), (2, 4, 3)), expected)
 
 
+@pytest.mark.torch
+def test_errors_print_the_shape_that_was_given(scene: Scenario) -> None:
+    """Regression: they printed that of the array, with the channels last."""
+    torch, view = pytest.importorskip("torch"), scene.patch_view(0, "poster", size=(9, 7))
+    for texture, shape in ((torch.zeros(2, 3, 5, 4), r"\(2, 3, 5, 4\)"), (torch.zeros(5, 4), r"\(5, 4\)")):
+        for call in (lambda t=texture: scene.render(0, textures={"poster": t}), lambda t=texture: view.forward(t)):
+            with pytest.raises(InputError, match=f"the texture of poster has the shape {shape}; give an array"):
+                call()
+    with pytest.raises(
+        InputError, match=r"poster has the shape \(1, 3, 5, 4\), but the view is of .* \(9, 7, 3\): hei"
+    ):
+        view.forward(torch.zeros(1, 3, 5, 4))
+    with pytest.raises(InputError, match=r"poster has the shape \(3, 5, 4\), but the picture has the shape"):
+        view.backward(torch.zeros(3, 9, 7), torch.zeros(3, 5, 4))
+
+
 def test_a_view_rounds_floats_as_a_frame_does(scene: Scenario) -> None:
     """Regression: `rounded` raised IndexError for inputs that `forward` accepts."""
     view = scene.patch_view(1, "poster", size=(9, 7))

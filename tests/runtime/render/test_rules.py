@@ -24,7 +24,7 @@ ALLOWED = {
     "vec2d", "vec2f", "vec2i", "vec3f", "vec4f", "vec3i", "vec3d", "array", "array2d", "zeros", "empty", "full",
     "set_module_options", "is_cuda_available", "get_cuda_device_count", "dtype_to_numpy", "copy", "empty_like",
     "load_module", "Stream", "ScopedStream", "Event", "capture_begin", "capture_end", "capture_launch", "get_stream",
-    "dtype_from_numpy", "int", "uint", "synchronize_stream", "record_event", "synchronize_event",
+    "dtype_from_numpy", "from_dlpack", "int", "uint", "synchronize_stream", "record_event", "synchronize_event",
     "where", "atomic_add", "atomic_min", "atomic_max", "atomic_or",
 }  # fmt: skip
 FLOATING = {"float32", "float64", "float"}

@@ -19,6 +19,8 @@ from recipe_runtime.render.camera.post_process import PostProcess, lens_argument
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.linear.linear_map import Values
+from recipe_runtime.render.linear.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.retexture.lens_map_kernels import (
     count_moments,
@@ -26,7 +28,6 @@ from recipe_runtime.render.retexture.lens_map_kernels import (
     record_moments,
     record_samples,
 )
-from recipe_runtime.render.retexture.sparse import RowMatrix, Values, row_matrix
 
 Numbers = NDArray[np.int32]
 

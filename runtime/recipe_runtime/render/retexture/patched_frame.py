@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +18,7 @@ from recipe_runtime.render.camera.post_process import needs_post_process
 from recipe_runtime.render.device.arrays import DeviceArray, copy_struct, set_fields, struct_array, struct_of
 from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.linear.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.patches.patch_arrays import texture_of
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.raster.observation import Observation
@@ -31,7 +32,6 @@ from recipe_runtime.render.retexture.relight_kernels import (
     pixel_deviates,
     relight,
 )
-from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]
@@ -61,6 +61,20 @@ class PatchRows:
     samples: NDArray[np.int32]  # [S] slots that the patch covers
     gain: NDArray[np.float64]  # [N, 3]
     offset: NDArray[np.float64]  # [N, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class TexturedPatches:
+    """The patches of a frame and their images: one-element arrays of `PatchArrays` and of `ImageAtlas`."""
+
+    patches: DeviceArray
+    album: DeviceArray
+
+    def first_texel(self, number: int) -> int:
+        """Return the place, in the texels of the album, of the image of the patch with a number."""
+        images = struct_of(self.album)
+        image = int(struct_of(self.patches).image.numpy()[number])
+        return int(images.starts.numpy()[images.first.numpy()[image]])
 
 
 class PatchedFrame:
@@ -125,7 +139,18 @@ class PatchedFrame:
         Args:
             textures: Images by the name of the patch, uint8 [h, w, 3] sRGB; patches without one keep their own.
         """
-        shown = self._relit(self._patches_with(textures), self._album(textures))[1]
+        picture: Pixels = self.drawn(self.textured(textures)).numpy().reshape(self.camera.height, self.camera.width, 3)
+        return picture.copy()
+
+    def textured(self, textures: Mapping[str, Pixels]) -> TexturedPatches:
+        """Return the patches with other textures, as in `render`, on the device."""
+        return TexturedPatches(
+            self._patches_of(self._images_with(textures), self._patches.colour.numpy()), self._album(textures)
+        )
+
+    def drawn(self, shown_patches: TexturedPatches) -> DeviceArray:
+        """Return the picture with textures that are on the device, uint8 [H * W * 3], until the next call."""
+        shown = self._relit(shown_patches.patches, shown_patches.album)[1]
         rec = self.recording
         frame = self._lens_frame
         if frame is not None:
@@ -139,8 +164,7 @@ class PatchedFrame:
         else:
             out = self._picture
             self._develop(shown, out)
-        picture: Pixels = out.numpy().reshape(self.camera.height, self.camera.width, 3)
-        return picture.copy()
+        return out
 
     def _develop(self, shown: DeviceArray, out: DeviceArray) -> None:
         tables = self._pass.tables.by_pixel(self._response, self.camera)
@@ -151,18 +175,24 @@ class PatchedFrame:
                 self.device,
                 listed=self.recording.listed,
                 shown=shown,
-                responses=struct_array([self._record], self.device),
+                responses=self._responses,
                 **fields_of(tables, "gains", "tone_table", "deviates"),
                 out_rgb=out,
             )
 
-    def rows(self, patch: str) -> PatchRows:
-        """Return how the radiance of the slots depends on a patch's texture; other patches keep their textures."""
-        number = self._number(patch)
+    def rows(self, patch: str, black: Collection[str] = ()) -> PatchRows:
+        """Return how the radiance of the slots depends on a patch's texture.
+
+        Args:
+            patch: Name of the patch.
+            black: Other patches, to show black; the rest keep their textures.
+        """
+        number, dark = self._number(patch), [self._number(name) for name in black]
         album = self._album({})
         light = []
         for value in (0.0, 1.0):
             image, colour = self._images_with({}).copy(), self._patches.colour.numpy().copy()
+            image[dark], colour[dark] = -1, 0.0
             image[number], colour[number] = -1, value
             light.append(self._relit(self._patches_of(image, colour), album)[0].numpy().astype(np.float64))
         rec = self.recording
@@ -277,25 +307,32 @@ class PatchedFrame:
     def _relit(self, patches: DeviceArray, album: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the radiance of the slots, without and with reflections in wet ground."""
         rec, device = self.recording, self.device
-        radiance: DeviceArray = wp.array(rec.radiance, dtype=wp.vec3f, device=device)
-        shown: DeviceArray = wp.array(rec.shown, dtype=wp.vec3f, device=device)
+        radiance, shown = (wp.clone(light) for light in self._recorded_light)
         if len(rec.slots):
             outputs = {"out_radiance": radiance, "out_shown": shown}
             launch(relight, len(rec.slots), device, recorded=rec.recorded, patches=patches, album=album, **outputs)
-        mirrors = rec.mirrors
-        if len(mirrors.slots):
-            launch(
-                mirror_again,
-                len(mirrors.slots),
-                device,
-                slots=wp.array(mirrors.slots, dtype=wp.int32, device=device),
-                shares=wp.array(mirrors.shares, dtype=wp.float32, device=device),
-                sources=wp.array(mirrors.sources, dtype=wp.int32, device=device),
-                limits=wp.array(mirrors.limits, dtype=wp.vec3f, device=device),
-                radiance=radiance,
-                out_shown=shown,
-            )
+        if len(rec.mirrors.slots):
+            launch(mirror_again, len(rec.mirrors.slots), device, **self._mirrors, radiance=radiance, out_shown=shown)
         return radiance, shown
+
+    @cached_property
+    def _recorded_light(self) -> tuple[DeviceArray, DeviceArray]:
+        """The radiance of the slots as recorded, without and with reflections in wet ground."""
+        rec, copy = self.recording, self.device != "cpu"  # on a CPU the arrays share the recording's memory
+        radiance: DeviceArray = wp.array(rec.radiance, dtype=wp.vec3f, device=self.device, copy=copy)
+        shown: DeviceArray = wp.array(rec.shown, dtype=wp.vec3f, device=self.device, copy=copy)
+        return radiance, shown
+
+    @cached_property
+    def _mirrors(self) -> dict[str, DeviceArray]:
+        """The arguments of `mirror_again` that describe the mirrors."""
+        kinds = {"slots": wp.int32, "shares": wp.float32, "sources": wp.int32, "limits": wp.vec3f}
+        mirrors = self.recording.mirrors
+        return {name: wp.array(getattr(mirrors, name), dtype=kind, device=self.device) for name, kind in kinds.items()}
+
+    @cached_property
+    def _responses(self) -> DeviceArray:
+        return struct_array([self._record], self.device)
 
     def _album(self, textures: Mapping[str, Pixels]) -> DeviceArray:
         """Return an atlas of the images that patches show, in the order of the patches."""
@@ -309,9 +346,6 @@ class PatchedFrame:
         """Return the index of each patch's image in `_album`, -1 for a colour."""
         has = np.array([p.name in textures or self._textures[p.name] is not None for p in self.plans], np.bool_)
         return np.where(has, np.cumsum(has) - 1, -1).astype(np.int32)
-
-    def _patches_with(self, textures: Mapping[str, Pixels]) -> DeviceArray:
-        return self._patches_of(self._images_with(textures), self._patches.colour.numpy())
 
     def _patches_of(self, image: NDArray[np.int32], colour: NDArray[np.float32]) -> DeviceArray:
         patches: PatchArrays = copy_struct(self._patches)

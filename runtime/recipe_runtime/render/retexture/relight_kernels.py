@@ -150,19 +150,3 @@ def pixel_deviates(
         normal_deviate(deviates, h << wp.uint32(10)),
         normal_deviate(deviates, h << wp.uint32(20)),
     )
-
-
-@wp.kernel
-def multiply_rows(
-    firsts: wp.array[wp.int32],
-    columns: wp.array[wp.int32],
-    weights: wp.array[wp.float64],
-    x: wp.array[wp.vec3d],
-    out_y: wp.array[wp.vec3d],
-):
-    """Multiply a sparse matrix (CSR) by a matrix of three columns; each row is summed in the order of its entries."""
-    row = wp.tid()
-    total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-    for e in range(firsts[row], firsts[row + 1]):
-        total = total + x[columns[e]] * weights[e]
-    out_y[row] = total

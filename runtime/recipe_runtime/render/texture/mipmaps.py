@@ -154,7 +154,7 @@ def mip_levels(pixels: NDArray[np.uint8]) -> Levels:
     Texel i of level l is the mean of the texels i * 2^l to (i + 1) * 2^l of the image, as far as it extends, in linear
     light, rounded to the nearest 8-bit colour. Sums are integers, so their order does not matter.
     """
-    linear = np.array([round(srgb_to_linear(v) * _ONE) for v in range(256)], np.int64)
+    linear = linear_integers()
     levels = [_packed(pixels)]
     height, width = pixels.shape[:2]
     if height == 1 and width == 1:
@@ -187,14 +187,20 @@ def _nearest(sums: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.u
     """Return the 8-bit colours whose linear light is nearest to the means."""
     # A mean above the middle between two colours rounds up; twice the middle is an integer.
     twice = -(-2 * sums // counts[..., None])
-    found: NDArray[np.uint8] = np.searchsorted(_middles(), twice, side="left").astype(np.uint8)
+    found: NDArray[np.uint8] = np.searchsorted(middles(), twice, side="left").astype(np.uint8)
     return found
 
 
 @cache
-def _middles() -> NDArray[np.int64]:
-    light = [round(srgb_to_linear(v) * _ONE) for v in range(256)]
-    return np.array([a + b for a, b in itertools.pairwise(light)], np.int64)
+def linear_integers() -> NDArray[np.int64]:
+    """Return the linear light of each 8-bit value as a whole number, 65535 for white, [256]."""
+    return np.array([round(srgb_to_linear(v) * _ONE) for v in range(256)], np.int64)
+
+
+@cache
+def middles() -> NDArray[np.int64]:
+    """Return the sums of the linear light of neighbouring 8-bit values, [255]."""
+    return np.array([a + b for a, b in itertools.pairwise(linear_integers().tolist())], np.int64)
 
 
 def _packed(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.retexture.relight_kernels import multiply_rows
+from recipe_runtime.render.linear.linear_map import LinearMap, Values
+from recipe_runtime.render.linear.vector_kernels import multiply_rows
 
-Values = NDArray[np.float64]
 _ENTRY_BYTES = 12  # column and weight
 
 
@@ -62,12 +62,12 @@ def row_matrix(firsts: NDArray[np.int32], columns: NDArray[np.int32], weights: V
     return RowMatrix(ends, (found % width).astype(np.int32), sums, width)
 
 
-class SparseProduct:
+class SparseProduct(LinearMap):
     """Products with a sparse matrix A and with its transpose, on a Warp device."""
 
     def __init__(self, matrix: RowMatrix, device: str) -> None:
+        super().__init__(device)
         self.matrix, self.transpose = matrix, matrix.transposed()
-        self._device = device
         self._arrays = [_uploaded(m, device) for m in (self.matrix, self.transpose)]
 
     @property
@@ -75,24 +75,20 @@ class SparseProduct:
         """About how many bytes of memory it takes: matrix and transpose, on the host and on the device."""
         return _ENTRY_BYTES * 4 * len(self.matrix.columns)
 
-    def forward(self, x: Values) -> Values:
-        """Return A x: float64 [R, 3] of [C, 3]."""
+    def product(self, x: DeviceArray) -> DeviceArray:
+        """As `LinearMap.product`."""
         return self._multiply(0, x, self.matrix.shape[0])
 
-    def backward(self, y: Values) -> Values:
-        """Return A^T y: float64 [C, 3] of [R, 3]."""
+    def transposed_product(self, y: DeviceArray) -> DeviceArray:
+        """As `LinearMap.transposed_product`."""
         return self._multiply(1, y, self.matrix.width)
 
-    def _multiply(self, which: int, x: Values, rows: int) -> Values:
-        if not rows:
-            return np.zeros((0, 3))
+    def _multiply(self, which: int, x: DeviceArray, rows: int) -> DeviceArray:
         firsts, columns, weights = self._arrays[which]
-        out = wp.empty(rows, dtype=wp.vec3d, device=self._device)
-        vectors: wp.array[wp.vec3d] = wp.array(np.ascontiguousarray(x), dtype=wp.vec3d, device=self._device)
-        inputs = {"firsts": firsts, "columns": columns, "weights": weights, "x": vectors}
-        launch(multiply_rows, rows, self._device, out_y=out, **inputs)
-        product: Values = out.numpy()
-        return product
+        out: DeviceArray = wp.empty(rows, dtype=wp.vec3d, device=self.device)
+        inputs = {"firsts": firsts, "columns": columns, "weights": weights, "x": x}
+        launch(multiply_rows, rows, self.device, out_y=out, **inputs)
+        return out
 
 
 def _uploaded(matrix: RowMatrix, device: str) -> tuple[DeviceArray, DeviceArray, DeviceArray]:

@@ -1,0 +1,1 @@
+"""Linear maps on a device and their transposes: sparse matrices, and the mip levels of textures."""
