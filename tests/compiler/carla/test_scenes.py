@@ -135,6 +135,26 @@ def test_the_command_overrides_max_frames() -> None:
     assert (row.outcome, row.value, row.written) == ("mapped", "4", "6") and "command" in row.why
 
 
+def test_traffic_of_the_command_is_added_to_that_of_the_configuration(tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "oscar_first.yaml", options=Options(vehicles=3))
+    (plan,) = compiled(one, tmp_path).plan.variants
+    kinds = [actor.category for actor in plan.scene.actors]
+    assert (kinds.count("vehicle"), kinds.count("pedestrian")) == (4 + 3, 6 + 1)
+
+
+def test_the_first_form_of_oscar_has_modalities_motion_and_traffic(tmp_path: Path) -> None:
+    """Regression: only instance segmentation was imported, and neither motion nor traffic."""
+    (one,) = import_files(CONFIGS / "oscar_first.yaml")
+    (plan,) = compiled(one, tmp_path).plan.variants
+    moving, still = plan.rig.sensors
+    assert (moving.capture, still.capture) == (("rgb", "instance"), ("rgb", "depth", "instance"))
+    steps = [((a.x - b.x) ** 2 + (a.y - b.y) ** 2) ** 0.5 for a, b in pairwise(moving.poses)]
+    assert steps == pytest.approx([0.5] * 11)
+    assert len({(pose.x, pose.y) for pose in still.poses}) == 1
+    walker = plan.scene.actors[0]
+    assert (walker.route[-1].x - walker.start.x, walker.route[-1].y - walker.start.y) == pytest.approx((0, 14))
+
+
 def test_a_slow_sensor_captures_fewer_frames(tmp_path: Path) -> None:
     text = HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.1'}}\n"
     assert plan_of(text, tmp_path).rig.sensors[0].interval == 3
