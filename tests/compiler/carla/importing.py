@@ -11,8 +11,10 @@ from recipe_compiler.carla.report import Node
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.source import yaml_reader
 
+from tests.sources import ROOT
+
 CONFIGS = Path(__file__).parent / "configs"
-PAPER = tuple(CONFIGS / "paper" / f"{name}.yaml" for name in ("config", "rainy", "foggy"))
+PAPER = tuple(ROOT / "examples" / "carla" / f"{name}.yaml" for name in ("config", "rainy", "foggy"))
 OSCAR = tuple(CONFIGS / f"oscar_{name}.yaml" for name in ("scene", "context"))
 SINGLE = tuple(sorted(path for path in CONFIGS.glob("*.yaml") if path.stem != "oscar_context"))
 SEVEN = tuple(sorted((CONFIGS / "collector").glob("*.yaml")))
