@@ -8,7 +8,7 @@ from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.records import LabelRecord
 
 from benchmarks.pages import markdown
-from benchmarks.paper.defences import Mask, Picture, RunningGaussian, flagged, removal, thresholds
+from benchmarks.paper.defences import Mask, Picture, RunningGaussian, flagged, removal, stabilised, thresholds
 from benchmarks.paper.studies import share_in_boxes
 
 SIZE, SIDE = 24, 5  # pixels: size of a frame and of the person
@@ -41,6 +41,27 @@ def test_background_subtraction_removes_a_patch_only_before_a_static_camera() ->
     static = removal(*video(0), RunningGaussian(), warmup=18)
     assert static.patch == 1.0 and static.target < 0.3
     assert removal(*video(3), RunningGaussian(rate=0.01), warmup=18).patch < 0.8
+
+
+@pytest.mark.parametrize(("down", "right"), [(0, 0), (3, -5), (-7, 2)])
+def test_a_stabilised_subtractor_sees_frames_that_stand_still(down: int, right: int) -> None:
+    """Its model sees the second frame where the first is, and its mask is returned where the second frame is."""
+    pytest.importorskip("cv2", reason="OpenCV is not installed (opencv-python-headless)")
+    blocks = np.random.Generator(np.random.PCG64(1)).integers(0, 255, (30, 30, 3), dtype=np.uint8)
+    wall = blocks.repeat(4, axis=0).repeat(4, axis=1)
+    seen: list[Picture] = []
+
+    def dark(picture: Picture) -> Mask:
+        seen.append(picture)
+        return np.asarray(picture.mean(axis=2) < 100, np.bool_)
+
+    model = stabilised(dark)
+    first, second = wall[20:100, 20:100], wall[20 - down : 100 - down, 20 - right : 100 - right]
+    masks = [model(np.ascontiguousarray(each)) for each in (first, second)]
+    inner = slice(10, 70)
+    assert np.abs(seen[0].astype(int) - seen[1])[inner, inner].mean() < 4.0
+    expected = np.asarray(second.mean(axis=2) < 100)
+    assert (masks[1] == expected)[inner, inner].mean() > 0.97
 
 
 def test_a_subtractor_that_keeps_everything_removes_nothing() -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,16 +50,43 @@ def opencv_subtractors() -> dict[str, Subtractor]:
     Raises:
         ModuleNotFoundError: OpenCV is not installed.
     """
-    try:
-        import cv2
-    except ImportError:
-        raise ModuleNotFoundError("OpenCV is not installed; `make paper` installs it") from None
+    cv2 = _opencv()
     models = {"OpenCV MOG2": cv2.createBackgroundSubtractorMOG2(), "OpenCV KNN": cv2.createBackgroundSubtractorKNN()}
 
-    def foreground_of(model: cv2.BackgroundSubtractor) -> Subtractor:
+    def foreground_of(model: Any) -> Subtractor:
         return lambda picture: np.asarray(model.apply(picture) == 255, np.bool_)  # 127 is shadow
 
     return {name: foreground_of(model) for name, model in models.items()}
+
+
+def stabilised(subtractor: Subtractor) -> Subtractor:
+    """Return a subtractor whose frames are first shifted onto the first one, as measured by phase correlation.
+
+    The mask is shifted back. Pixels that the shifted frame does not show are foreground.
+
+    Raises:
+        ModuleNotFoundError: OpenCV is not installed.
+    """
+    cv2 = _opencv()
+    first: NDArray[np.float32] | None = None
+
+    def foreground(picture: Picture) -> Mask:
+        nonlocal first
+        grey: NDArray[np.float32] = picture.mean(axis=2, dtype=np.float32)
+        first, size = grey if first is None else first, grey.shape[::-1]
+        (x, y), _ = cv2.phaseCorrelate(first, grey, cv2.createHanningWindow(size, cv2.CV_32F))
+        there, back = (np.array([[1, 0, sign * x], [0, 1, sign * y]], np.float32) for sign in (-1, 1))
+        mask = subtractor(cv2.warpAffine(picture, there, size, borderMode=cv2.BORDER_REPLICATE)).astype(np.uint8)
+        return np.asarray(cv2.warpAffine(mask, back, size, flags=cv2.INTER_NEAREST, borderValue=1) > 0, np.bool_)
+
+    return foreground
+
+
+def _opencv() -> ModuleType:
+    try:
+        return import_module("cv2")
+    except ImportError:
+        raise ModuleNotFoundError("OpenCV is not installed; `make paper` installs it") from None
 
 
 @dataclass(frozen=True)

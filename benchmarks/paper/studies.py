@@ -167,10 +167,10 @@ def subtractors() -> dict[str, defences.Subtractor]:
 
 
 def background_ablation() -> Measured:
-    """Figure 6: background subtraction as a defence, with a static and with a shaking camera."""
-    cells, rows, shown = [], [], 25
+    """Figure 6: background subtraction as a defence, with and without a stabiliser, for static and moving cameras."""
+    cells, rows, shown = [], [], 33
     still: list[NDArray[np.float64]] = []
-    for camera in ("static", "shaking"):
+    for camera in ("static", "shaking", "sideways", "approaching"):
         with opened("background_ablation", f"camera={camera}") as clip:
             frames = clip.frames()
             pictures = [picture(clip, frame) for frame in frames]
@@ -180,16 +180,18 @@ def background_ablation() -> Measured:
         still = still or corners
         moved = max(float(np.hypot(*(a - b).T).max()) for a, b in zip(corners, still, strict=True))
         for name, model in subtractors().items():
-            lost = defences.removal(pictures, patches, targets, model, _WARMUP)
+            plain = defences.removal(pictures, patches, targets, model, _WARMUP)
+            steady = defences.removal(pictures, patches, targets, defences.stabilised(subtractors()[name]), _WARMUP)
             row = {"camera": camera, "patch moves, pixels": f"{moved:.1f}", "subtractor": name}
-            rows.append({**row, "patch removed": _percent(lost.patch), "child removed": _percent(lost.target)})
-        model = next(iter(subtractors().values()))
-        kept = [model(seen) for seen in pictures]
-        cells += [(f"{camera}, frame {n}", pictures[n]) for n in (shown, shown + 8)]
-        cells += [
-            (f"{camera}, what is left of frame {n}", sheets.keep(pictures[n], kept[n])) for n in (shown, shown + 8)
-        ]
-    return Measured(rows, Sheet(tuple(cells), 4, (320, 240)))
+            row |= {"patch removed": _percent(plain.patch), "child removed": _percent(plain.target)}
+            row |= {"stabilised: patch": _percent(steady.patch), "stabilised: child": _percent(steady.target)}
+            rows.append(row)
+        cells.append((f"{camera}, frame {shown}", pictures[shown]))
+        for name, wrap in (("what is left", lambda model: model), ("left if stabilised", defences.stabilised)):
+            model = wrap(next(iter(subtractors().values())))
+            kept = [model(seen) for seen in pictures[: shown + 1]]
+            cells.append((f"{camera}, {name}", sheets.keep(pictures[shown], kept[shown])))
+    return Measured(rows, Sheet(tuple(cells), 3, (320, 240)))
 
 
 def tracking_videos() -> Measured:

@@ -28,6 +28,7 @@ _TOKEN = re.compile(r""""(?:[^"\\]|\\.)*"|'[^']*'|[^\s,:{}\[\]#]+|.""")
 _OPTIONS = {  # code -> part of the library's remedy, which names no options, and what is added after it
     "size-limit": {r"\Z": ", or give --allow-large"},
     "unknown-device": {r"\Z": " (--device)"},
+    "unknown-name": {r"another program spawns\Z": " (--hero)"},
     "output-in-the-way": {r"choose (another|a) (folder|place|file)": " (--output)", r"replace it\b": " (--replace)"},
     "invalid-dataset": {r"repair the dataset\b": " (`recipe build RECIPE --repair`)"},
     "invalid-lockfile": {

@@ -8,10 +8,11 @@ import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from recipe_cli.commands import import_
 
 from tests.cli.runner import run_here
-from tests.compiler.carla.importing import CONFIGS, PAPER, TOGETHER
+from tests.compiler.carla.importing import CONFIGS, PAPER, SEVEN, TOGETHER
 
 EVERY = CONFIGS / "every_key.yaml"
 
@@ -95,6 +96,50 @@ def test_the_town_can_be_chosen(tmp_path: Path) -> None:
     assert "town: plaza" in (tmp_path / "recipes" / "every_key.yaml").read_text()
     done = run_here("import", "carla", EVERY, "--town", "Town01", cwd=tmp_path)
     assert (done.returncode, "downtown" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("path", SEVEN, ids=lambda path: path.stem)
+def test_configurations_as_the_collector_was_published_with_are_imported_and_rendered(
+    path: Path, tmp_path: Path
+) -> None:
+    """Regression: without max_frames, or with sensors on a vehicle of another program, they were refused."""
+    text = path.read_text().replace('"640"', '"64"').replace('"480"', '"48"')
+    (tmp_path / path.name).write_text(text)
+    done = run_here("import", "carla", path.name, "--frames", "2", "--town", "plaza", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (len(SEVEN), run_here("check", f"recipes/{path.name}", cwd=tmp_path).returncode) == (7, 0)
+    shot = run_here("shot", f"recipes/{path.name}", "--frame", "1", "-o", "shot.png", cwd=tmp_path)
+    assert shot.returncode == 0, shot.stderr
+    with Image.open(tmp_path / "shot.png") as picture:
+        assert picture.size == (64, 48) and len(picture.convert("RGB").getcolors(64 * 48)) > 100
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--frames", "0", "--frames': 0 is below 1"),
+        ("--hero", "vehicle.none", "no vehicle or walker 'vehicle.none'"),
+        ("--traffic", "3", "--traffic '3' is not two whole numbers"),
+        ("--traffic", "1,-1", "is not two whole numbers"),
+        ("--traffic", "999,1", "999 vehicles are out of range"),
+    ],
+)
+def test_broken_choices_are_refused(option: str, value: str, message: str, tmp_path: Path) -> None:
+    done = run_here("import", "carla", EVERY, option, value, cwd=tmp_path)
+    assert (done.returncode, message in done.stderr, "help: " in done.stderr) == (2, True, True), done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_role_of_no_entry_is_refused_with_the_option_that_helps(tmp_path: Path) -> None:
+    text = (CONFIGS / "collector" / "sensors_hero.yaml").read_text().replace('"hero"', '"ego"')
+    (tmp_path / "ego.yaml").write_text(text)
+    done = run_here("import", "carla", "ego.yaml", cwd=tmp_path)
+    assert (done.returncode, "(--hero)" in done.stderr) == (2, True)
+    assert (
+        run_here("import", "carla", "ego.yaml", "--hero", "vehicle.*", "--traffic", "4,2", cwd=tmp_path).returncode == 0
+    )
+    written = (tmp_path / "recipes" / "ego.yaml").read_text()
+    assert "ego: {blueprint: vehicle.*}" in written and "traffic: {vehicles: 4, pedestrians: 2}" in written
 
 
 def small(path: Path, folder: Path) -> Path:

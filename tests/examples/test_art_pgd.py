@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 import recipe_runtime
 
+from tests.examples.stand_ins import provide_torchvision
 from tests.runtime.attacks.test_textures import RENDERED, recipe_with
 
 pytestmark = pytest.mark.torch
@@ -22,13 +21,7 @@ FRAMES = [(RENDERED, 0), ("weather=clear,insertion=rendered", 2)]
 
 @pytest.fixture
 def torchvision(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Provide torchvision's version, the only part of it that ART reads (PyPI has no CPU build of torchvision)."""
-    try:
-        import torchvision  # noqa: F401
-    except (ImportError, RuntimeError):
-        stand_in = ModuleType("torchvision")
-        stand_in.__dict__["__version__"] = "0.28.0"
-        monkeypatch.setitem(sys.modules, "torchvision", stand_in)
+    provide_torchvision(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +36,7 @@ def test_arts_descent_changes_the_loss_in_the_rendered_frames(recipe: Path, appr
     from recipe_runtime.torch import SceneView
 
     from examples.attacks.art_pgd import attack
-    from tests.examples.cell_detector import CellDetector
+    from examples.attacks.cell_detector import CellDetector
 
     view, detector = SceneView(recipe, "poster", FRAMES), CellDetector()
     scenes = {variant: recipe_runtime.open(recipe, variant) for variant, _ in FRAMES}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,10 +28,21 @@ if TYPE_CHECKING:
 )
 @output_option(LocalPath(path_type=Path, file_okay=False), "The folder to write to; ./recipes by default.")
 @click.option("--town", metavar="NAME", help="The town to use; by default the one most similar to the configuration's.")
+@click.option("--frames", metavar="N", type=click.IntRange(1), help="The number of frames, instead of max_frames.")
+@click.option("--hero", metavar="BLUEPRINT", help="CARLA's blueprint of the actor that another program spawns.")
+@click.option("--traffic", metavar="VEHICLES,PEDESTRIANS", help="Add traffic, as generate_traffic.py does.")
 @REPLACE
 @JSON
 def command(
-    form: str, configs: tuple[Path, ...], output: Path | None, town: str | None, replace: bool, as_json: bool
+    form: str,
+    configs: tuple[Path, ...],
+    output: Path | None,
+    town: str | None,
+    frames: int | None,
+    hero: str | None,
+    traffic: str | None,
+    replace: bool,
+    as_json: bool,
 ) -> None:
     """Convert each configuration of CARLA's data collector among CONFIGS to a recipe, and report every key.
 
@@ -41,9 +53,9 @@ def command(
     from recipe_runtime.core.files import host_errors
     from recipe_runtime.core.outputs import write_output
 
-    _check_town(town)
+    options = carla.Options(town, frames, hero, *_numbers(traffic))
     folder = output or check_default_folder(Path("recipes"))
-    made = carla.import_configurations([_read(path) for path in configs], town=town)
+    made = carla.import_configurations([_read(path) for path in configs], options)
     files = {folder / name: body for one in made for name, body in _files(one).items()}
     _check_free(files, configs, replace=replace)
     for one in made:
@@ -68,13 +80,15 @@ def _print(one: Imported, folder: Path) -> None:
     say(f"  recipe shot {shlex.quote(str(path))} -o shot.png")
 
 
-def _check_town(town: str | None) -> None:
+def _numbers(traffic: str | None) -> tuple[int, int]:
+    """Return the vehicles and pedestrians of the option `--traffic`."""
     from recipe_compiler.ir.errors import Code, InputError
-    from recipe_compiler.library.towns import NAMES
 
-    if town is not None and town not in NAMES:
-        remedy = f"write one of {', '.join(NAMES)}"
-        raise InputError(f"there is no town {town[:100]!r}", help=remedy, code=Code.UNKNOWN_NAME)
+    match = re.fullmatch(r"([0-9]{1,9}),([0-9]{1,9})", traffic or "0,0")
+    if match is None:
+        message = f"--traffic {(traffic or '')[:100]!r} is not two whole numbers"
+        raise InputError(message, help="write vehicles and pedestrians, such as --traffic 30,10", code=Code.USAGE)
+    return int(match[1]), int(match[2])
 
 
 def _read(path: Path) -> File:

@@ -29,6 +29,7 @@ _NO_TEXTURE = {
     "texture": "an image file: copy it into the recipe's folder and name it as `texture` of the patch, in another mode",
     "texture_roi": "part of the texture",
 }
+_FIRST_COUNTS = {"number_of_vehicles": "vehicles", "number_of_walkers": "pedestrians"}  # of OSCAR's first generator
 _MAX_SPEED = 60.0  # m/s, the limit of the language
 
 
@@ -53,7 +54,7 @@ def _write_actor(scene: Scene, spec: Spec) -> None:
     scene.draft.set(f"{to}.blueprint", blueprint)
     if spec.name_node is not None and blueprint != spec.name_node.value.data:
         why = why or f"the name with the prefix {spec.kind}"
-    absent = "no blueprint is given: any of this kind"
+    absent = spec.origin or "no blueprint is given: any of this kind"
     ledger.record(spec.name_node, f"{to}.blueprint", blueprint, why, absent)
     _write_speed(scene, spec, to)
     if spec.transform is not None:
@@ -166,32 +167,46 @@ def _write_patch(scene: Scene, spec: Spec) -> None:
 
 
 def write_crowds(scene: Scene) -> None:
-    """Write actor generators as traffic; the sensors of the scene must have names already."""
-    traffic: dict[str, Data] = {}
-    totals: Counter[str] = Counter()
+    """Write actor generators and the chosen traffic as traffic; the sensors of the scene must have names already."""
+    chosen = {"vehicles": scene.options.vehicles, "pedestrians": scene.options.pedestrians}
+    totals = Counter({key: number for key, number in chosen.items() if number})
+    traffic: dict[str, Data] = dict(totals)
     counted: list[tuple[str, Node]] = []
     reader = scene.reader
     for spec in scene.of_kind("generator"):
-        class_node, node = spec.node.get("_actor_"), spec.attributes.get("count")
-        key = {"Vehicle": "vehicles", "Walker": "pedestrians"}.get(class_of(spec.node, "_actor_"))
-        if key is None or class_node is None:
-            message = "an ActorsGenerator has an `_actor_`, Walker or Vehicle"
-            reader.reject(class_node or spec.node, message, "write the class of the actors", Code.UNKNOWN_NAME)
-            continue
-        if node is None:
-            reader.reject(spec.node, "the generator has no count", "write how many actors", Code.MISSING_KEY)
-            continue
-        totals[key] += reader.integer(node, 0, TRAFFIC_LIMIT) or 0
-        if totals[key] > TRAFFIC_LIMIT:
-            message, remedy = f"{totals[key]} generated actors", f"keep at most {TRAFFIC_LIMIT} of a kind"
-            reader.reject(node, message, remedy, Code.OUT_OF_RANGE)
-        traffic[key] = totals[key]
-        counted += [(key, node), (key, class_node)]
+        for key, node in _counts(scene, spec):
+            totals[key] += reader.integer(node, 0, TRAFFIC_LIMIT) or 0
+            if totals[key] > TRAFFIC_LIMIT:
+                message, remedy = f"{totals[key]} generated actors", f"keep at most {TRAFFIC_LIMIT} of a kind"
+                reader.reject(node, message, remedy, Code.OUT_OF_RANGE)
+            traffic[key] = totals[key]
+            counted += [(key, each) for each in (node, spec.node.get("_actor_")) if each is not None]
         _add_options(scene, spec, traffic)
+    for key, number in chosen.items():
+        if number:
+            why = "chosen in the command" if totals[key] == number else f"{number} of them are chosen in the command"
+            reader.ledger.default(f"base.traffic.{key}", totals[key], why)
     for key, node in counted:
         reader.ledger.mapped(node, f"base.traffic.{key}", totals[key], "random actors of the traffic model")
     if traffic:
         scene.draft.set("base.traffic", traffic)
+
+
+def _counts(scene: Scene, spec: Spec) -> list[tuple[str, Node]]:
+    """Return the numbers of actors of a generator, each with its key of traffic."""
+    numbers = ((key, spec.attributes.get(name)) for name, key in _FIRST_COUNTS.items())
+    if first := [(key, node) for key, node in numbers if node is not None]:
+        return first
+    reader, class_node, node = scene.reader, spec.node.get("_actor_"), spec.attributes.get("count")
+    key = {"Vehicle": "vehicles", "Walker": "pedestrians"}.get(class_of(spec.node, "_actor_"))
+    if key is None or class_node is None:
+        message = "an ActorsGenerator has an `_actor_`, Walker or Vehicle"
+        reader.reject(class_node or spec.node, message, "write the class of the actors", Code.UNKNOWN_NAME)
+    elif node is None:
+        reader.reject(spec.node, "the generator has no count", "write how many actors", Code.MISSING_KEY)
+    else:
+        return [(key, node)]
+    return []
 
 
 def _add_options(scene: Scene, spec: Spec, traffic: dict[str, Data]) -> None:
@@ -209,7 +224,7 @@ def _add_options(scene: Scene, spec: Spec, traffic: dict[str, Data]) -> None:
             _add_view(scene, node, traffic)
         elif key == "attachments":
             ledger.ignored(node, "traffic needs no controllers")
-        elif key not in ("_actor_", "count") and not str(key).startswith("_"):
+        elif key not in ("_actor_", "count", *_FIRST_COUNTS) and not str(key).startswith("_"):
             ledger.ignored(node, "not an option of traffic, whose `mix` in the recipe chooses blueprints")
 
 

@@ -11,6 +11,7 @@ from recipe_compiler.carla.configuration import Reader, resolve
 from recipe_compiler.carla.draft import Data, Draft, name_for, text_of
 from recipe_compiler.carla.forms import collector, oscar
 from recipe_compiler.carla.forms.specs import unread_classes
+from recipe_compiler.carla.options import Options
 from recipe_compiler.carla.placement import Site
 from recipe_compiler.carla.report import Node, Path, Report, key_of
 from recipe_compiler.carla.scene import Scene
@@ -61,13 +62,13 @@ class _Sources:
     settings: list[_Source] = field(default_factory=list)
 
 
-def import_configurations(files: Sequence[File], *, town: str | None = None) -> tuple[Imported, ...]:
+def import_configurations(files: Sequence[File], options: Options | None = None) -> tuple[Imported, ...]:
     """Import configurations.
 
     Args:
         files: configurations (files with actors), weathers (files with only weather parameters), and settings that all
             configurations share (all other files). Weathers become an axis of each recipe.
-        town: the town of the library to use; None: the one most similar to the configuration's.
+        options: what is chosen for all configurations; None: nothing.
 
     Returns:
         One recipe for each configuration, in the order of the files.
@@ -84,8 +85,9 @@ def import_configurations(files: Sequence[File], *, town: str | None = None) -> 
         problems += [_no_configuration(source.root) for source in others[:1]]
     made: list[Imported] = []
     for source in sources.configurations if not problems else ():
-        one = _Import(source, sources, name_for(source.stem, [each.name for each in made], "imported"))
-        imported = one.run(town)
+        name = name_for(source.stem, [each.name for each in made], "imported")
+        one = _Import(source, sources, name, options or Options())
+        imported = one.run()
         problems += one.reader.problems
         made += [] if imported is None else [imported]
     if problems:
@@ -158,10 +160,11 @@ class _Import:
     source: _Source
     sources: _Sources
     name: str
+    options: Options
     reader: Reader = field(default_factory=Reader)
     draft: Draft = field(default_factory=Draft)
 
-    def run(self, town: str | None) -> Imported | None:
+    def run(self) -> Imported | None:
         """Return the recipe and its report; None, with problems of the reader, if the configuration is invalid."""
         merger, merged = Merger(), Value({}, self.source.root.place)
         for each in [*self.sources.settings, self.source]:
@@ -173,16 +176,16 @@ class _Import:
         self.draft.set("recipe", self.name)
         stem = yaml_reader.printable(self.source.stem)
         self.draft.set("description", f"Imported from {stem}, a configuration of {form.name}.")
-        notes = self._fill(node, form, references, town)
+        notes = self._fill(node, form, references)
         if self.reader.problems:
             return None
         self.draft.finish()
         report = self._report(references, notes, node)
         return Imported(self.name, text_of(self.draft, report), report)
 
-    def _fill(self, node: Node, form: Form, references: dict[Path, Path], town: str | None) -> list[str]:
+    def _fill(self, node: Node, form: Form, references: dict[Path, Path]) -> list[str]:
         """Write all parts of the recipe and return the notes of the report; or report problems."""
-        found = settings.read(self.reader, node, form, self.draft, town)
+        found = settings.read(self.reader, node, form, self.draft, self.options)
         self._write_weather(node, form)
         specs = oscar.read(self.reader, node) if form is OSCAR else collector.read(self.reader, node)
         if not any(spec.kind == "sensor" for spec in specs) and not self.reader.problems:
@@ -191,21 +194,22 @@ class _Import:
             self.reader.reject(place, "the configuration has no camera", remedy, Code.MISSING_KEY)
         if found is None:
             return []
-        scene = Scene(self.reader, self.draft, found, specs, references, Site(found.town))
+        scene = Scene(self.reader, self.draft, found, specs, references, Site(found.town), self.options)
         scene.prepare()
         if self.reader.problems:
             return []
         actors.write(scene)
         sensors.write(scene)
         actors.write_crowds(scene)
+        notes = [found.note, *scene.notes()]
         if scene.vector == (0.0, 0.0):
-            return [found.note]
+            return notes
         shift = (
             "positions in CARLA's towns have no meaning in this town. CARLA is left-handed: y, yaw and pitch change"
             f" sign; then everything is moved by x {scene.vector[0]:g}, y {scene.vector[1]:g}, which keeps relative"
             " positions"
         )
-        return [found.note, shift]
+        return [*notes, shift]
 
     def _write_weather(self, node: Node, form: Form) -> None:
         """Write the weather of the configuration, and an axis with the weather files."""

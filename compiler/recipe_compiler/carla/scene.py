@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Draft, name_for
 from recipe_compiler.carla.forms.specs import ANGLES, Number, Spec, Transform
 from recipe_compiler.carla.handedness import MIRRORED, WALKER_ORIGIN, Pose, normalize_angle, normalize_range
+from recipe_compiler.carla.options import Options
 from recipe_compiler.carla.placement import XY, Point, Site
 from recipe_compiler.carla.report import Node, Path
 from recipe_compiler.carla.settings import Settings
@@ -30,18 +31,20 @@ class Scene:
         reader: collects problems and the outcome of each key.
         draft: the recipe.
         settings: clock, seed and town.
-        specs: the entries.
+        specs: the entries, and the actors that another program spawns.
         references: the path of the value that each reference names, by the path of the reference.
         site: the town.
+        options: what is chosen for the import.
         vector: the shift of all world positions, x and y in metres.
     """
 
     reader: Reader
     draft: Draft
     settings: Settings
-    specs: Sequence[Spec]
+    specs: list[Spec]
     references: Mapping[Path, Path]
     site: Site
+    options: Options
     vector: XY = (0.0, 0.0)
 
     def of_kind(self, *kinds: str) -> list[Spec]:
@@ -55,9 +58,22 @@ class Scene:
             first = self.specs[_MAX_ENTRIES].node
             self.reader.reject(first, count(len(self.specs), "entry", "entries"), remedy, Code.INPUT_LIMIT)
             return
+        roles = self._roles()
         self._name_actors()
-        self._attach()
+        self._attach(roles)
         self.vector = self.site.shift(self._points())
+
+    def notes(self) -> Iterator[str]:
+        """Yield notes for the report on the actors that another program spawns."""
+        heroes = [spec.name for spec in self.specs if spec.origin]
+        if heroes:
+            yield (
+                f"{', '.join(heroes)}: an actor that another program spawns in CARLA, such as ScenarioRunner, manual"
+                " control or generate_traffic.py; here it starts at a random spawn point and drives in traffic. Its"
+                " blueprint, and the traffic around it, can be chosen in the command"
+            )
+        elif self.options.hero is not None:
+            yield "the hero chosen in the command is not used: every sensor's attach_to names an entry"
 
     @property
     def shift(self) -> dict[str, float]:
@@ -170,21 +186,34 @@ class Scene:
             why = "names are unique and consist of letters, digits, _ and -"
             self.give_name([spec], taken, f"{spec.kind}{numbers[spec.kind]}", "base.actors", why)
 
-    def _attach(self) -> None:
-        """Find the parent of each sensor: the entry that contains it, or the one with the role name in `attach_to`."""
-        ledger = self.reader.ledger
+    def _roles(self) -> dict[str, Spec]:
+        """Return the entries by role name; those that another program spawns are added to the scene."""
         roles: dict[str, Spec] = {}
         for spec in self.specs:
             if (role := spec.attributes.get("role_name")) is not None:
                 roles.setdefault(str(role.value.data), spec)
+        for spec in self.of_kind("sensor"):
+            if spec.role is None or spec.container is not None or (wanted := self.reader.text(spec.role)) is None:
+                continue
+            if wanted not in roles and (hero := self.options.hero_for(wanted)) is not None:
+                why = (
+                    f"no entry has the role_name {show(wanted)}, which another program gives to a {hero[1]}: {hero[0]}"
+                )
+                roles[wanted] = Spec(spec.role, hero[1], hero[0], wanted_name=wanted, origin=why)
+                self.specs.append(roles[wanted])
+        return roles
+
+    def _attach(self, roles: Mapping[str, Spec]) -> None:
+        """Find the parent of each sensor: the entry that contains it, or the one with the role name in `attach_to`."""
+        ledger = self.reader.ledger
         for spec in self.specs:
             parent = spec.container
             if parent is not None:
                 ledger.ignored(spec.role, f"it is nested in {parent.node.key}, to which it is attached")
+            elif spec.kind != "sensor":
+                ledger.ignored(spec.role, "only sensors can be attached to an actor")
             elif spec.role is not None:
                 parent = self._with_role(spec.role, roles)
-                if spec.kind != "sensor" and parent is not None:
-                    ledger.ignored(spec.role, "only sensors can be attached to an actor")
             if spec.kind == "sensor" and parent is not None:
                 spec.parent = parent
         for spec in self.of_kind("sensor"):
@@ -196,9 +225,10 @@ class Scene:
         role = self.reader.text(node)
         found = roles.get(role or "")
         if role is not None and found is None:
-            known = [show(each) for each in roles][:20]
-            remedy = f"write one of {', '.join(known)}" if known else "give an actor this role_name"
-            message = f"no entry has the role_name {show(role)}: the collector would wait for it forever"
+            known = ", ".join([show(each) for each in roles][:20])
+            other = "choose in the command the blueprint of an actor that another program spawns"
+            remedy = f"write one of {known}, or {other}" if known else other
+            message = f"no entry has the role_name {show(role)}"
             self.reader.reject(node, message, remedy, Code.UNKNOWN_NAME)
         return found
 

@@ -61,7 +61,9 @@ def _key(scene: Scene, spec: Spec, attributes: cameras.Attributes) -> tuple[obje
     at = spec.node.path if pose is None else tuple(round(getattr(pose, axis), 6) for axis in (*POSITION, *ANGLES))
     ranges = () if spec.transform is None else tuple((n.low, n.high) for n in spec.transform.numbers.values())
     goal = None if spec.goal is None else tuple(spec.goal.numbers[axis].middle for axis in POSITION)
-    moves = (goal, _plain(spec.speed), _plain(spec.jitter), _plain(spec.attachment), _plain(spec.route))
+    attachment = _plain(spec.attachment) if actor is not None else ""
+    arm = "" if attachment.lower() == "'rigid'" else attachment
+    moves = (goal, _plain(spec.speed), _plain(spec.jitter), arm, _plain(spec.route))
     tick = _plain(spec.attributes.get("sensor_tick"))
     lens = tuple(attributes[name][0] if name in attributes else cameras.DEFAULTS.get(name) for name in cameras.GEOMETRY)
     on = "" if actor is None else actor.name

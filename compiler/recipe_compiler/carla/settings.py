@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from recipe_compiler.carla.catalogue import towns
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Draft
+from recipe_compiler.carla.options import Options
 from recipe_compiler.carla.report import Node
 from recipe_compiler.ir.errors import Code
 from recipe_compiler.library.towns import NAMES
@@ -14,6 +15,7 @@ from recipe_compiler.schema.fields import MAX_FRAMES, MAX_SEED
 
 Keys = tuple[str, ...]  # a path of keys
 
+_FRAMES = 300  # if max_frames is absent, without which the collector records until it is stopped
 _PHYSICS_RATE = 240  # steps per second, the language's default
 _MAX_RATE = 1000  # steps per second, the language's limit
 _SERVER = dict.fromkeys(
@@ -75,7 +77,7 @@ class Settings:
     note: str
 
 
-def read(reader: Reader, root: Node, form: Form, draft: Draft, town: str | None) -> Settings | None:
+def read(reader: Reader, root: Node, form: Form, draft: Draft, options: Options) -> Settings | None:
     """Read the settings into a draft.
 
     Args:
@@ -83,7 +85,7 @@ def read(reader: Reader, root: Node, form: Form, draft: Draft, town: str | None)
         root: the configuration.
         form: its form.
         draft: the recipe.
-        town: the town of the library to use; None: the one most similar to the configuration's.
+        options: what is chosen for the import.
 
     Returns:
         The settings; None, with problems, if they are invalid.
@@ -93,13 +95,8 @@ def read(reader: Reader, root: Node, form: Form, draft: Draft, town: str | None)
     seed = form.seed if seed is None else seed
     reader.ledger.record(node, "seed", seed, "", f"no seed is given: the documented default of {form.name}")
     steps, fps = _rate(reader, root, form)
-    frames_node = root.get("max_frames")
-    frames = reader.integer(frames_node, 1, MAX_FRAMES)
-    reader.ledger.kept(frames_node, "base.clock.frames")
-    if frames_node is None:
-        message = "max_frames is missing: the collector would record until it is stopped"
-        reader.reject(root, message, "add a line such as `max_frames: 300`", Code.MISSING_KEY)
-    name, note = _town(reader, root.get(*form.simulation, "townmap"), town)
+    frames = _frames(reader, root.get("max_frames"), options.frames)
+    name, note = _town(reader, root.get(*form.simulation, "townmap"), options.town)
     for path, keys in ((form.client, _SERVER), (form.simulation, _SERVER), (form.sync, _SYNC), ((), _RUN)):
         for key, why in keys.items():
             reader.ledger.ignored(root.get(*path, key), why)
@@ -110,6 +107,15 @@ def read(reader: Reader, root: Node, form: Form, draft: Draft, town: str | None)
     draft.set("base.clock", {"fps": fps, "frames": frames, **derived})
     draft.set("base.town", name)
     return Settings(seed, fps, name, note)
+
+
+def _frames(reader: Reader, node: Node | None, chosen: int | None) -> int | None:
+    """Return the number of frames; None, with a problem, if it is invalid."""
+    why = "" if chosen is None else "the number of frames chosen in the command"
+    frames = chosen or (_FRAMES if node is None else reader.integer(node, 1, MAX_FRAMES))
+    absent = why or "no max_frames is given: the collector records until it is stopped"
+    reader.ledger.record(node, "base.clock.frames", frames, why, absent)
+    return frames
 
 
 def _physics_and_warmup(reader: Reader, node: Node | None, form: Form, steps: float, fps: int) -> dict[str, float]:

@@ -6,30 +6,35 @@ import functools
 from collections.abc import Iterator
 from pathlib import Path
 
-from recipe_compiler.carla import File, Imported, import_configurations
+from recipe_compiler.carla import File, Imported, Options, import_configurations
 from recipe_compiler.carla.report import Node
 from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.source import yaml_reader
 
+from tests.sources import ROOT
+
 CONFIGS = Path(__file__).parent / "configs"
-PAPER = tuple(CONFIGS / "paper" / f"{name}.yaml" for name in ("config", "rainy", "foggy"))
+PAPER = tuple(ROOT / "examples" / "carla" / f"{name}.yaml" for name in ("config", "rainy", "foggy"))
 OSCAR = tuple(CONFIGS / f"oscar_{name}.yaml" for name in ("scene", "context"))
 SINGLE = tuple(sorted(path for path in CONFIGS.glob("*.yaml") if path.stem != "oscar_context"))
+SEVEN = tuple(sorted((CONFIGS / "collector").glob("*.yaml")))
+"""Configurations of the form of the seven that the data collector was published with."""
 TOGETHER = {"paper": PAPER, "oscar": OSCAR, **{path.stem: (path,) for path in SINGLE}}
+TOGETHER |= {f"collector/{path.stem}": (path,) for path in SEVEN}
 """The files of each import of the tests, by name."""
 
 
 @functools.cache
-def import_files(*paths: Path, town: str | None = None) -> tuple[Imported, ...]:
+def import_files(*paths: Path, options: Options | None = None) -> tuple[Imported, ...]:
     """Return the imports of files, which reports name without folders."""
-    return import_configurations([File(path.name, path.read_bytes()) for path in paths], town=town)
+    return import_configurations([File(path.name, path.read_bytes()) for path in paths], options)
 
 
-def import_text(text: str, *weathers: str, town: str | None = None) -> Imported:
+def import_text(text: str, *weathers: str, options: Options | None = None) -> Imported:
     """Return the import of one configuration, `config.yaml`, with weathers `weather0.yaml` and so on."""
     files = [File("config.yaml", text.encode())]
     files += [File(f"weather{number}.yaml", each.encode()) for number, each in enumerate(weathers)]
-    (one,) = import_configurations(files, town=town)
+    (one,) = import_configurations(files, options)
     return one
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
-from recipe_compiler.carla import File, import_configurations
+from recipe_compiler.carla import File, Options, import_configurations
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.library import towns
 
@@ -21,10 +23,9 @@ REFUSED = {
         HEAD + "  - blueprint: {name: vehicle.*}\n",
         "config.yaml:2:1: spawn_actors: the configuration has no camera; add a sensor, such as sensor.camera.rgb",
     ),
-    "no frames": (
-        "spawn_actors:\n" + CAMERA,
-        "config.yaml:1:1: max_frames is missing: the collector would record until it is stopped; add a line such as"
-        " `max_frames: 300`",
+    "frames": (
+        "max_frames: 0\nspawn_actors:\n" + CAMERA,
+        "config.yaml:1:1: max_frames: 0 is out of range; write a number from 1 to 100000",
     ),
     "rate": (
         HEAD + CAMERA + "carla: {fps: 12.5}\n",
@@ -52,8 +53,8 @@ REFUSED = {
     ),
     "role": (
         HEAD + CAMERA + "    attach_to: nobody\n",
-        'config.yaml:4:5: spawn_actors[0].attach_to: no entry has the role_name "nobody": the collector would wait for'
-        " it forever; give an actor this role_name",
+        'config.yaml:4:5: spawn_actors[0].attach_to: no entry has the role_name "nobody"; choose in the command the'
+        " blueprint of an actor that another program spawns",
     ),
     "tick": (
         HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.05'}}\n",
@@ -89,6 +90,23 @@ def refusal(*texts: str) -> str:
 def test_a_broken_configuration_is_refused_with_place_and_remedy(case: str) -> None:
     text, message = REFUSED[case]
     assert refusal(text).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ({"town": "Town01"}, "there is no town 'Town01'; write one of "),
+        ({"hero": "sensor.camera.rgb"}, "CARLA has no vehicle or walker 'sensor.camera.rgb'; write a blueprint"),
+        ({"hero": "vehicle.tesla.modelx"}, "CARLA has no vehicle or walker 'vehicle.tesla.modelx'; write a blueprint"),
+        ({"frames": 100_001}, "100001 frames are out of range; write a number from 1 to 100000"),
+        ({"vehicles": 251}, "251 vehicles are out of range; write a number from 0 to 250"),
+        ({"pedestrians": -1}, "-1 pedestrians are out of range; write a number from 0 to 250"),
+    ],
+)
+def test_a_broken_choice_is_refused_with_a_remedy(chosen: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Options(**chosen)
+    assert str(caught.value).startswith(message)
 
 
 def test_all_mistakes_are_reported_at_once() -> None:

@@ -6,7 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from recipe_compiler.carla import File, import_configurations
+from recipe_compiler.carla import File, Options, import_configurations
 from recipe_compiler.carla.catalogue import blueprints as catalogue
 from recipe_compiler.carla.placement import Site
 from recipe_compiler.ir.errors import InputError
@@ -84,6 +84,77 @@ def test_files_of_oscar_are_classified_by_content(tmp_path: Path) -> None:
     }
 
 
+HERO = "  - blueprint: {name: sensor.camera.rgb}\n    attach_to: hero\n    transform: {location: {x: -6, z: 2}}\n"
+
+
+def test_a_hero_of_another_program_is_a_car_that_carries_the_sensor(tmp_path: Path) -> None:
+    """ScenarioRunner, manual control and generate_traffic.py --hero spawn it; the collector waits for its role."""
+    plan = plan_of(HEAD + HERO, tmp_path)
+    (hero,) = plan.scene.actors
+    assert (hero.name, hero.category, plan.rig.sensors[0].on) == ("hero", "vehicle", "hero")
+    assert hero.route or hero.speed > 0
+    one = import_text(HEAD + HERO)
+    (default,) = (each for each in one.report.defaults if each.to == "base.actors.hero.blueprint")
+    assert "vehicle.lincoln.mkz_2017" in default.why and any("hero" in note for note in one.report.notes)
+
+
+@pytest.mark.parametrize(
+    ("blueprint", "category"), [("vehicle.audi.etron", "vehicle"), ("walker.pedestrian.*", "pedestrian")]
+)
+def test_the_blueprint_of_a_hero_of_any_role_can_be_chosen(blueprint: str, category: str, tmp_path: Path) -> None:
+    one = import_text(HEAD + HERO + HERO.replace("hero", "ego vehicle"), options=Options(hero=blueprint))
+    (plan,) = compiled(one, tmp_path).plan.variants
+    assert [(actor.name, actor.category) for actor in plan.scene.actors] == [
+        ("hero", category),
+        ("ego_vehicle", category),
+    ]
+    assert [sensor.on for sensor in plan.rig.sensors] == ["hero", "ego_vehicle"]
+
+
+def test_a_hero_of_the_configuration_is_not_replaced(tmp_path: Path) -> None:
+    text = HEAD + HERO + "  - blueprint: {name: walker.pedestrian.*, attr: {role_name: hero}}\n"
+    one = import_text(text, options=Options(hero="vehicle.tesla.model3"))
+    assert [actor.category for actor in compiled(one, tmp_path).plan.variants[0].scene.actors] == ["pedestrian"]
+    assert any("hero chosen in the command is not used" in note for note in one.report.notes)
+
+
+@pytest.mark.parametrize(("text", "options", "frames"), [("", None, 300), ("", Options(frames=7), 7), ("9", None, 9)])
+def test_frames_are_those_of_the_command_or_the_configuration(
+    text: str, options: Options | None, frames: int, tmp_path: Path
+) -> None:
+    """Without max_frames the collector records until it is stopped."""
+    head = HEAD.replace("max_frames: 4\n", f"max_frames: {text}\n" if text else "")
+    one = import_text(head + "  - blueprint: {name: sensor.camera.rgb}\n", options=options)
+    assert compiled(one, tmp_path).plan.variants[0].scene.clock.frames == frames
+    assert any(each.to == "base.clock.frames" for each in one.report.defaults) == (not text)
+
+
+def test_the_command_overrides_max_frames() -> None:
+    one = import_text(HEAD + "  - blueprint: {name: sensor.camera.rgb}\n", options=Options(frames=6))
+    (row,) = (row for row in one.report.rows if row.key == "max_frames")
+    assert (row.outcome, row.value, row.written) == ("mapped", "4", "6") and "command" in row.why
+
+
+def test_traffic_of_the_command_is_added_to_that_of_the_configuration(tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "oscar_first.yaml", options=Options(vehicles=3))
+    (plan,) = compiled(one, tmp_path).plan.variants
+    kinds = [actor.category for actor in plan.scene.actors]
+    assert (kinds.count("vehicle"), kinds.count("pedestrian")) == (4 + 3, 6 + 1)
+
+
+def test_the_first_form_of_oscar_has_modalities_motion_and_traffic(tmp_path: Path) -> None:
+    """Regression: only instance segmentation was imported, and neither motion nor traffic."""
+    (one,) = import_files(CONFIGS / "oscar_first.yaml")
+    (plan,) = compiled(one, tmp_path).plan.variants
+    moving, still = plan.rig.sensors
+    assert (moving.capture, still.capture) == (("rgb", "instance"), ("rgb", "depth", "instance"))
+    steps = [((a.x - b.x) ** 2 + (a.y - b.y) ** 2) ** 0.5 for a, b in pairwise(moving.poses)]
+    assert steps == pytest.approx([0.5] * 11)
+    assert len({(pose.x, pose.y) for pose in still.poses}) == 1
+    walker = plan.scene.actors[0]
+    assert (walker.route[-1].x - walker.start.x, walker.route[-1].y - walker.start.y) == pytest.approx((0, 14))
+
+
 def test_a_slow_sensor_captures_fewer_frames(tmp_path: Path) -> None:
     text = HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.1'}}\n"
     assert plan_of(text, tmp_path).rig.sensors[0].interval == 3
@@ -128,7 +199,7 @@ def test_the_sensor_of_oscar_follows_the_road(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("town", NAMES)
 def test_a_configuration_fits_into_every_town(town: str, tmp_path: Path) -> None:
-    (one,) = import_files(CONFIGS / "every_key.yaml", town=town)
+    (one,) = import_files(CONFIGS / "every_key.yaml", options=Options(town=town))
     assert compiled(one, tmp_path).plan.variants[0].scene.town.name == town
 
 

@@ -42,6 +42,7 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec])
     if kind is None:
         ignore(reader, node, name_node, name)
         return
+    reader.ledger.ignored(blueprint.get("pace"), "CARLA's blueprints have the speed of a pace: write speed, in m/s")
     motion, attributes = reader.map(node.get("sensor_motion")), reader.map(blueprint.get("attr"))
     for parent, known in ((node, _KEYS), (blueprint, ("name", "attr", "speed")), (motion, ("jitter_magnitude",))):
         ignore_others(reader, parent, known, _UNKNOWN)

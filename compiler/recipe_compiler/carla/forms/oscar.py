@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from recipe_compiler.carla.configuration import Reader
@@ -21,6 +22,11 @@ _KINDS: Mapping[str, Kind] = {
     "ActorsGenerator": "generator",
 }
 _NOT_ATTRIBUTES = ("transform", "attachments", "name", "modalities")
+_FIRST_FORM = (
+    "sensors_blueprints",
+    "motion_params",
+    "destination_transform",
+)  # keys of cameras in OSCAR's first version
 _HYDRA = ("_target_", "_recursive_", "_convert_", "_partial_")
 
 
@@ -36,6 +42,8 @@ def read(reader: Reader, root: Node) -> list[Spec]:
         _read(reader, node, None, specs, str(node.path[-1]))
     for node in reader.items(listed):
         _read(reader, node, None, specs, "")
+    if (generator := root.get("actors_generator")) is not None:  # of OSCAR's first version
+        _read(reader, generator, None, specs, "")
     return specs
 
 
@@ -66,7 +74,7 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec],
         kind=_KINDS[kind],
         blueprint=f"{kind.lower()}.{named}",
         name_node=node.get("name") if is_actor else None,
-        attributes={str(c.path[-1]): c for c in node.children() if c.path[-1] not in (*_NOT_ATTRIBUTES, *_HYDRA)},
+        attributes=_attributes(node),
         wanted_name=name,
         transform=read_transform(reader, node.get("transform"), ranges=True),
         container=container,
@@ -75,11 +83,30 @@ def _read(reader: Reader, node: Node, container: Spec | None, specs: list[Spec],
     )
     spec.speed = spec.attributes.pop("speed", None) if kind != "Camera" else None
     specs.append(spec)
+    if kind == "Camera":
+        _read_first_form(reader, node, spec)
     for child in reader.items(node.get("attachments")) if kind != "ActorsGenerator" else ():
         if class_of(child) in _CONTROLLERS:
             _control(reader, child, spec)
         else:
             _read(reader, child, spec, specs, "")
+
+
+def _attributes(node: Node) -> dict[str, Node]:
+    """Return the attributes of the blueprint of an entry by name."""
+    others = (*_NOT_ATTRIBUTES, *_FIRST_FORM, *_HYDRA)
+    return {str(child.path[-1]): child for child in node.children() if child.path[-1] not in others}
+
+
+def _read_first_form(reader: Reader, node: Node, spec: Spec) -> None:
+    """Read the blueprints and the motion of a camera of OSCAR's first version, which has no controllers of sensors."""
+    for blueprint in reader.items(node.get("sensors_blueprints")):
+        spec.attributes |= _attributes(blueprint)
+    spec.goal = read_transform(reader, node.get("destination_transform"), ranges=True)
+    if spec.goal is not None:
+        spec.route = reader.map(node.get("motion_params")) or node
+    else:
+        reader.ledger.ignored(node.get("motion_params"), "without a destination_transform it does not move")
 
 
 def _modalities(reader: Reader, node: Node, kind: str) -> tuple[tuple[str, Node], ...]:
@@ -104,6 +131,13 @@ def _modalities(reader: Reader, node: Node, kind: str) -> tuple[tuple[str, Node]
             reader.ledger.ignored(child, f"recipes do not have a {show(name)} camera")
         elif found.setdefault(modality, child) is not child:
             reader.ledger.ignored(child, "listed twice")
+    for child in reader.items(node.get("sensors_blueprints")):
+        name = re.sub("(?<=[a-z])(?=[A-Z])", "_", class_of(child)).lower()
+        modality, target = collector.MODALITIES.get(name), child.get("_target_")
+        if modality is None or target is None:
+            reader.ledger.ignored(child, f"recipes do not have a {show(name)} camera")
+        else:
+            found.setdefault(modality, target)
     found.setdefault("instance", node)
     return tuple(found.items())
 
@@ -115,7 +149,7 @@ def _control(reader: Reader, node: Node, spec: Spec) -> None:
         reader.ledger.ignored(node, f"a {kind} does not control a {spec.kind}")
         return
     spec.stands = False
-    transform = read_transform(reader, node.get("transform"), ranges=True)
+    transform = read_transform(reader, node.get("transform") or node.get("destination_transform"), ranges=True)
     if kind == "WalkerController":
         spec.goal = transform
         reader.ledger.ignored(spec.speed, "the max_speed of the controller counts")

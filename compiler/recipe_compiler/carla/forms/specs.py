@@ -64,6 +64,7 @@ class Spec:
         modalities: of a sensor, its modalities, each with the value that names it.
         stands: whether it does not move.
         route: of a sensor, the map with the parameters of its route along the road.
+        origin: why it is there, if no entry of the configuration spawns it.
         name: its name in the recipe, once it is chosen.
         parent: of a sensor, the entry that it is attached to, once it is known.
     """
@@ -84,6 +85,7 @@ class Spec:
     modalities: tuple[tuple[str, Node], ...] = ()
     stands: bool = False
     route: Node | None = None
+    origin: str = ""
     name: str = ""
     parent: Spec | None = None
 

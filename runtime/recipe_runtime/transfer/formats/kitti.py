@@ -15,9 +15,12 @@ with its last row and column; pixel coordinates are (0, 0) at the centre of the 
 `calib/` is 0.5 less than in `K`. `calib/` cannot describe lens distortion: a warning names such a sensor. The 3-D box
 is the body box in the camera frame, x right, y down, z forward; `rotation_y` describes its rotation completely only if
 camera and actor are level. The frame of the laser scanner (`velo`) is the sensor frame, x forward, y left, z up, with
-the same origin. `occluded` is 0 if at most 10 % are hidden, 1 up to 50 %, else 2; `truncated` is 0 up to 2 %, 1 up to
-50 %, else 2. In `poses/`, frames that a sensor with a `tick` does not take are `nan`; each counts 48 bytes when the
-size of an export is compared with the limit.
+the same origin. `occluded` is 0 if at most 10 % are hidden, 1 up to 50 %, else 2. `truncated` is an integer, as in the
+tracking benchmark's labels (in the detection benchmark's, it is a share): 0 if at most 2 % of the area of the unclipped
+2-D box are outside of the picture, 1 up to 50 %, else 2. The benchmark's evaluation leaves out objects with 1 or 2.
+Objects whose 2-D box is one pixel wide or high are `DontCare`, because such a box has no area: its right edge is its
+left one, so no detection matches it. In `poses/`, frames that a sensor with a `tick` does not take are `nan`; each
+counts 48 bytes when the size of an export is compared with the limit.
 """
 
 from __future__ import annotations
@@ -53,6 +56,7 @@ TYPES: dict[int, str] = {
     Tag.TRAIN.value: "Tram",
 }
 """KITTI's type of each tag; all others are `Misc`."""
+_UNKNOWN = " ".join(["-1000.000000"] * 3 + ["-10.000000"] + ["-1.000000"] * 3)  # of DontCare: sizes, position, rotation
 
 
 def _files(sequences: Sequence[ExportSequence], options: Options) -> Iterator[Entry]:
@@ -96,11 +100,14 @@ def label_lines(frames: Iterable[LabelledFrame]) -> Iterator[str]:
 
     The fields are frame, track, type, truncated, occluded, alpha, left, top, right, bottom, height, width, length, x,
     y, z, rotation_y. The 2-D box is the amodal box, clipped to the picture; x, y, z is the centre of the bottom of the
-    body box in the camera frame, metres; angles are in radians; the track is the instance value.
+    body box in the camera frame, metres; angles are in radians; the track is the instance value. A box of one pixel in
+    width or height becomes a region `DontCare` with the outer edges of its pixels, and track -1.
     """
     for frame in frames:
         for item in frame["objects"]:
-            yield f"{frame['frame']} {_label(item)}\n"
+            _, _, wide, high = item["amodal_bbox"]
+            label = _label(item) if min(wide, high) > 1 else _ignored(item)
+            yield f"{frame['frame']} {label}\n"
 
 
 def calibration_text(calibration: Calibration) -> str:
@@ -145,6 +152,12 @@ def _label(item: LabelRecord) -> str:
         _text(turn * _DEGREE),
     ]
     return " ".join(map(str, fields))
+
+
+def _ignored(item: LabelRecord) -> str:
+    x0, y0, wide, high = item["amodal_bbox"]
+    edges = " ".join(f"{edge - 0.5:.2f}" for edge in (x0, y0, x0 + wide, y0 + high))
+    return f"-1 DontCare -1 -1 -10.000000 {edges} {_UNKNOWN}"
 
 
 def bottom(item: LabelRecord) -> tuple[float, float, float]:

@@ -95,6 +95,40 @@ def level_box(frame_from_actor: NDArray[np.float64]) -> Any:
     return {"centre": centre.tolist(), "size": [4.5, 1.8, 1.5], "rotation": rotation, "yaw": math.degrees(yaw)}
 
 
+def record_of(box: list[int], **changed: float) -> Any:
+    """Return the record of a car 9 m ahead of the camera with a 2-D box."""
+    seen = level_box(compose(invert(from_pose(Pose(z=1.6))), from_pose(Pose(x=9))))
+    shares = {"truncation": 0.0, "visible_fraction": 1.0, **changed}
+    return {"instance": 14003, "amodal_bbox": box, "box3d": seen, **shares}
+
+
+def labels_of(*records: Any) -> list[list[str]]:
+    """Return the fields of the label lines of one frame."""
+    camera = calibration(sensor_plan().camera, from_pose(Pose(z=1.6)))
+    lines = kitti.label_lines([{"frame": 7, "time": 0.7, "calibration": camera, "objects": list(records)}])
+    return [line.split() for line in lines]
+
+
+@pytest.mark.parametrize(("wide", "high"), [(1, 1), (1, 30), (30, 1), (2, 2), (2, 30)])
+def test_every_counted_box_has_an_area(wide: int, high: int) -> None:
+    """Regression: a box of one pixel was counted, but no detection can match one without area."""
+    (fields,) = labels_of(record_of([3, 4, wide, high]))
+    assert len(fields) == 17
+    x0, y0, x1, y1 = map(float, fields[6:10])
+    assert x1 > x0 and y1 > y0
+    if min(wide, high) > 1:
+        assert fields[1:3] == ["14003", "Car"] and (x1, y1) == (2 + wide, 3 + high)
+    else:
+        assert fields[:6] == ["7", "-1", "DontCare", "-1", "-1", "-10.000000"]
+        assert (x0, y0, x1, y1) == (2.5, 3.5, 2.5 + wide, 3.5 + high)  # (0, 0) is the centre of the first pixel
+
+
+@pytest.mark.parametrize(("share", "level"), [(0.0, "0"), (0.02, "0"), (0.021, "1"), (0.5, "1"), (0.51, "2")])
+def test_truncated_is_a_level(share: float, level: str) -> None:
+    (fields,) = labels_of(record_of([3, 4, 20, 10], truncation=share))
+    assert fields[3] == level
+
+
 @pytest.mark.parametrize(("camera_yaw", "actor_yaw"), [(0, 0), (30, 0), (0, 70), (-100, -60), (170, 10)])
 def test_kitti_boxes_equal_the_boxes_of_the_dataset(camera_yaw: float, actor_yaw: float) -> None:
     """For a level camera, projections of the KITTI box by `calib` and of the world's box by K agree."""

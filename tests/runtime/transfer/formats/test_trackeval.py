@@ -11,9 +11,11 @@ import pytest
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.library.blueprints import match
 from recipe_runtime.transfer.export import export
+from recipe_runtime.transfer.formats.kitti import label_lines
 
 from tests.runtime.fakes import dataset_plan, quiet
 from tests.runtime.transfer.conftest import made
+from tests.runtime.transfer.formats.test_kitti import record_of
 
 pytestmark = [pytest.mark.trackeval, pytest.mark.filterwarnings("ignore")]
 
@@ -71,12 +73,7 @@ def test_a_perfect_tracker_has_perfect_scores(
     trackeval = pytest.importorskip("trackeval")
 
     name, config, classes = layout(exports)
-    quiet = {"PRINT_CONFIG": False, "PRINT_RESULTS": False, "OUTPUT_SUMMARY": False, "OUTPUT_DETAILED": False}
-    evaluator = trackeval.Evaluator({**quiet, "PLOT_CURVES": False, "BREAK_ON_ERROR": True, "TIME_PROGRESS": False})
-    dataset = getattr(trackeval.datasets, name)({**config, "CLASSES_TO_EVAL": classes, "PRINT_CONFIG": False})
-    metrics = [trackeval.metrics.HOTA({"PRINT_CONFIG": False}), trackeval.metrics.CLEAR({"PRINT_CONFIG": False})]
-    results, _ = evaluator.evaluate([dataset], metrics)
-    scores = results[name]["perfect"]
+    scores = scores_of(trackeval, name, config, classes)
     assert len(scores) == SEQUENCES + 1
     for label in classes:
         whole = scores["COMBINED_SEQ"][label]
@@ -84,3 +81,30 @@ def test_a_perfect_tracker_has_perfect_scores(
         assert (whole["CLEAR"]["MOTA"], whole["CLEAR"]["CLR_FP"], whole["CLEAR"]["CLR_FN"]) == (1.0, 0, 0)
         assert whole["CLEAR"]["CLR_TP"] > 20
         assert whole["CLEAR"]["sMOTA"] == pytest.approx(1.0)  # sMOTSA where the boxes are masks
+
+
+def test_boxes_of_one_pixel_do_not_count(tmp_path: Path) -> None:
+    """Regression: 4 of these 20 cars were missed by a tracker that outputs the labels, a MOTA of 0.8."""
+    trackeval = pytest.importorskip("trackeval")
+    sizes = [(20, 30), (2, 40), (40, 2), (9, 9), (1, 40)]
+    cars = [record_of([50 * k, 4, *size]) | {"instance": 14001 + k} for k, size in enumerate(sizes)]
+    frames: Any = [{"frame": frame, "objects": cars} for frame in range(4)]
+    folders = [tmp_path / "gt/label_02", tmp_path / "trackers/perfect/data"]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        (folder / "0000.txt").write_text("".join(label_lines(frames)))
+    (tmp_path / "gt/evaluate_tracking.seqmap.training").write_text("0000 empty 000000 000004\n")
+    config = {"GT_FOLDER": str(tmp_path / "gt"), "TRACKERS_FOLDER": str(tmp_path / "trackers")}
+    scores = scores_of(trackeval, "Kitti2DBox", {**config, "SPLIT_TO_EVAL": "training"}, ["car"])
+    found = scores["COMBINED_SEQ"]["car"]["CLEAR"]
+    assert (found["MOTA"], found["CLR_TP"], found["CLR_FN"], found["CLR_FP"]) == (1.0, 16, 0, 0)
+
+
+def scores_of(trackeval: Any, name: str, config: dict[str, Any], classes: list[str]) -> Any:
+    """Return TrackEval's scores of the tracker `perfect`."""
+    quiet = {"PRINT_CONFIG": False, "PRINT_RESULTS": False, "OUTPUT_SUMMARY": False, "OUTPUT_DETAILED": False}
+    evaluator = trackeval.Evaluator({**quiet, "PLOT_CURVES": False, "BREAK_ON_ERROR": True, "TIME_PROGRESS": False})
+    dataset = getattr(trackeval.datasets, name)({**config, "CLASSES_TO_EVAL": classes, "PRINT_CONFIG": False})
+    metrics = [trackeval.metrics.HOTA({"PRINT_CONFIG": False}), trackeval.metrics.CLEAR({"PRINT_CONFIG": False})]
+    results, _ = evaluator.evaluate([dataset], metrics)
+    return results[name]["perfect"]

@@ -21,6 +21,12 @@ class CellDetector(torch.nn.Module):
         self.second = torch.nn.Parameter(torch.randn((1, 6, 3, 3), generator=seeded) / 3)
 
     def forward(self, pictures: list[torch.Tensor], targets: list[dict[str, torch.Tensor]] | None = None) -> Any:
+        """Return the losses of targets in training mode, the cells of each picture with scores in evaluation mode.
+
+        Args:
+            pictures: [3, h, w] each, of one size.
+            targets: `boxes` [n, 4] of each picture: x0, y0, x1, y1 in pixels; their cells are the ones to detect.
+        """
         hidden = torch.tanh(functional.conv2d(torch.stack(pictures), self.first, stride=CELL))
         logits = functional.conv2d(hidden, self.second, padding=1)[:, 0]
         cells = self.cells(logits.shape[1:])
@@ -34,11 +40,13 @@ class CellDetector(torch.nn.Module):
 
     @staticmethod
     def cells(shape: Sequence[int]) -> torch.Tensor:
+        """Return the boxes of all cells [n, 4] for a number of rows and columns."""
         rows, columns = torch.meshgrid(*(torch.arange(side) * float(CELL) for side in shape), indexing="ij")
         corner = torch.stack([columns, rows], dim=-1).reshape(-1, 2)
         return torch.cat([corner, corner + CELL], dim=1)
 
     @staticmethod
     def covered(cells: torch.Tensor, boxes: torch.Tensor) -> torch.Tensor:
+        """Return 1.0 for each cell whose middle is in a box, and 0.0 for others [n]."""
         middle = (cells[:, None, :2] + cells[:, None, 2:]) / 2
         return ((middle > boxes[None, :, :2]) & (middle < boxes[None, :, 2:])).all(dim=2).any(dim=1).float()
