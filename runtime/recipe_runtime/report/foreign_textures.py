@@ -54,7 +54,7 @@ def unwrapped(islands: Sequence[Island], aspect: float, model: MeshData, picture
     Args:
         islands: The islands of the map, with their names; all of one part.
         aspect: Its width by its height.
-        model: The other model, with texture coordinates; x forward, y left, z up.
+        model: The other model; x forward, y left, z up. Its parts without texture coordinates are left out.
         picture: Its picture.
         turn: Degrees, a multiple of 90, by which the model is turned to the left first.
 
@@ -63,10 +63,11 @@ def unwrapped(islands: Sequence[Island], aspect: float, model: MeshData, picture
     """
     if len({face.part for _, face in islands}) > 1:
         raise ValueError("the body has several parts, which a model cannot be stretched to")
-    if not all(part.mapped for part in model.parts):
+    mapped = [part for part in model.parts if part.mapped]
+    if not mapped:
         raise ValueError("the model has no texture coordinates")
-    corners = np.concatenate([part.vertices[part.triangles] for part in model.parts])
-    uvs = np.concatenate([part.uvs[part.triangles] for part in model.parts])
+    corners = np.concatenate([part.vertices[part.triangles] for part in mapped])
+    uvs = np.concatenate([part.uvs[part.triangles] for part in mapped])
     for _ in range(turn // 90 % 4):
         corners = corners[..., [1, 0, 2]] * (-1.0, 1.0, 1.0)
     corners = _stretched(corners, np.array([corner for _, face in islands for corner in face.corners]))
