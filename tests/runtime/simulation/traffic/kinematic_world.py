@@ -12,7 +12,6 @@ from recipe_compiler.ir.signals import light
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
 from recipe_runtime.simulation.traffic.driver import Command, Driver
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
@@ -151,8 +150,8 @@ class KinematicWorld:
         body.acceleration = (speed - body.speed) / TICK
         body.progress += (body.speed + speed) / 2 * TICK
         body.speed = speed
-        step = min(SIDESTEP, SIDESTEP_SLOPE * speed) * TICK
-        body.offset += max(-step, min(step, command.offset - body.offset))
+        body.driver.lateral.advance(speed, TICK)
+        body.offset = body.driver.lateral.line
         if body.actor.entry is not None and body.progress >= body.path.length:
             self._enter(body)
         body.place()
