@@ -139,7 +139,7 @@ def _by_lane(
         along = dx * tx + dy * ty
         gap = abs(along) - body.reach - vehicle.reach
         neighbour = None
-        low, high = _band(body, aside)
+        low, high = band(body, aside)
         for n, lane in enumerate(lanes):
             middle = lane * width
             if high < middle - width / 2 + _OVERLAP or low > middle + width / 2 - _OVERLAP:
@@ -152,8 +152,13 @@ def _by_lane(
     return [(ahead, behind) for ahead, behind in found]
 
 
-def _band(body: Body, aside: float) -> tuple[float, float]:
-    """Return the edges of a body, metres to the left of the path, including a lane change that it has begun."""
+def band(body: Body, aside: float) -> tuple[float, float]:
+    """Return the right and the left edge of a body and of the lane change that it has begun.
+
+    Args:
+        body: The body.
+        aside: Metres from the line from which the edges are measured to the body's middle, to the left.
+    """
     shift = body.driver.offset - body.offset if is_vehicle(body) else 0.0
     return aside - body.radius + min(shift, 0.0), aside + body.radius + max(shift, 0.0)
 
