@@ -83,17 +83,26 @@ class VehicleAgent(Agent):
         """Whether it is at the end of its path."""
         return self.progress >= self.path.length - 0.5
 
+    @property
+    def entry(self) -> Pose:
+        """Where it enters the scene again: at the beginning of the lane in which it has left."""
+        pose, aside = self.actor.entry, self.driver.lane_offset
+        assert pose is not None
+        sine, cosine = exact.sin_cos_deg(pose.yaw)
+        return Pose(x=pose.x - aside * sine, y=pose.y + aside * cosine, yaw=pose.yaw)
+
     def enter(self, pose: Pose, speed: float) -> None:
         """Enter the scene again, and follow the rest of the route."""
         super().enter(pose, speed)
         self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
         self.z = self._suspension.height
         self._steer, self._stand = 0.0, None
-        self.driver.lateral.stay(self.driver.base_offset)
+        aside = self.driver.lane_offset
+        self.driver.lateral.stay(aside)
         hx, hy = self.heading
         route = [(p.x, p.y) for p in self.actor.route]
         ahead = next((n for n, (x, y) in enumerate(route) if (x - self.x) * hx + (y - self.y) * hy > 0.0), len(route))
-        self._follow_path(Path([(self.x, self.y), *route[ahead:]]))
+        self._follow_path(Path([(self.x + aside * hy, self.y - aside * hx), *route[ahead:]]))
 
     def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
         """Brake and stop after a hard collision, or after hitting a person while it moves."""

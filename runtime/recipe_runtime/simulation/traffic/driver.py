@@ -103,6 +103,11 @@ class Driver:
         """Whether it is in the oncoming lane of a street."""
         return self._lanes is None and max(self.offset, self.line) > self.base_offset + 0.3
 
+    @property
+    def lane_offset(self) -> float:
+        """The offset of its lane."""
+        return self.base_offset if self._lanes is None else self._changer.lane * self._lanes.width
+
     def arrived(self, vehicle: Vehicle) -> bool:
         """Return whether the vehicle has reached the end of its path and stays there."""
         return self.actor.entry is None and vehicle.progress > vehicle.path.length - 1.5
@@ -156,12 +161,12 @@ class Driver:
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""
         path = self._path = vehicle.path
-        self._changer, self._overtaking = LaneChanger(), Overtaking(self._junctions)
+        self._overtaking = Overtaking(self._junctions)
         if path.legs:
             goal = self.actor.entry is None
             self._profile = speed_profile(path, self._map, lateral=_LATERAL, braking=_EARLY_BRAKING, goal=goal)
             self._lanes = self._map.lanes(*path.at(0.0))
-        self.lateral = Lateral(self.actor.shape, self.base_offset, street=self._lanes is None)
+        self.lateral = Lateral(self.actor.shape, self.lane_offset, street=self._lanes is None)
         fastest = min(self.actor.speed, max(self._profile, default=0.0))
         self.horizon = max(60.0, min(200.0, 5.0 * fastest + 30.0))
 

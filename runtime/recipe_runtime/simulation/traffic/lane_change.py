@@ -17,9 +17,11 @@ from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicl
 from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
-POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.15, 0.2  # the last two in m/s2
+POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.3, 0.35  # the last two in m/s2
 SAFE_BRAKING = 3.0  # m/s2 that a follower may have to brake at most
-_PAUSE = 4.0  # seconds between two lane changes
+_PAUSE = 8.0  # seconds between two lane changes
+_CHECKS = 3  # consecutive decisions in which a lane must be better
+_STAY = 20.0  # seconds that a vehicle must be able to stay in a lane to its right at its desired speed
 _OVERLAP = 0.2  # metres that a body must be in a lane to count there
 
 
@@ -89,12 +91,20 @@ def gain(
     return after - before + POLITENESS * others
 
 
+def catches_up(own: Own, leader: Neighbour | None) -> float:
+    """Return the seconds until a vehicle at its desired speed has its headway to a leader; infinity if it never has."""
+    if leader is None or own.desired <= leader.speed:
+        return math.inf
+    return (leader.gap - own.style.gap - own.desired * own.style.headway) / (own.desired - leader.speed)
+
+
 class LaneChanger:
     """The lane of one vehicle on a road with several lanes, counted from its path's lane, positive to the left."""
 
     def __init__(self) -> None:
         self.lane = 0
         self._since = -math.inf  # time of the last change, seconds
+        self._wanted, self._checks = 0, 0  # the lane that has been better, and in how many consecutive decisions
 
     def decide(self, vehicle: Vehicle, own: Own, lanes: Lanes, neighbours: Sequence[Body], seconds: float) -> float:
         """Return the desired offset of the vehicle, metres to the left of its path.
@@ -108,16 +118,21 @@ class LaneChanger:
         """
         target = self.lane * lanes.width
         if seconds - self._since < _PAUSE or abs(vehicle.offset - target) > 0.4:
+            self._checks = 0
             return target
         options = [self.lane + step for step in (-1, 1) if -lanes.right <= self.lane + step <= lanes.left]
         nearest = _by_lane(vehicle, neighbours, lanes.width, [self.lane, *options])
         best, wanted = 0.0, self.lane
         for lane, there in zip(options, nearest[1:], strict=True):
+            if lane < self.lane and catches_up(own, there[0]) < _STAY:
+                continue
             bias = KEEP_RIGHT if lane < self.lane else -KEEP_RIGHT
             advantage = gain(own, nearest[0], there) + bias - THRESHOLD
             if advantage > best:
                 best, wanted = advantage, lane
-        if wanted != self.lane:
+        self._checks = self._checks + 1 if wanted == self._wanted else 1
+        self._wanted = wanted
+        if wanted != self.lane and self._checks >= _CHECKS:
             self.lane, self._since = wanted, seconds
         return self.lane * lanes.width
 

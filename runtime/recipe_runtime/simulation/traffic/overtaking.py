@@ -147,9 +147,8 @@ def _free(
     if pace - speed < 1.0:
         return False
     driver = vehicle.driver
-    back = (
-        0.5 * driver.lateral.length(offset - driver.base_offset, pace) + vehicle.reach
-    )  # until its middle has returned
+    half = 0.5 * driver.lateral.length(offset - driver.base_offset, pace)  # metres until its middle has returned
+    back = half + vehicle.reach
     seconds = (gap + 2.0 * (body.reach + vehicle.reach) + _AFTER) / (pace - max(0.0, speed)) + back / pace + 0.5
     way = pace * seconds
     if way > room:

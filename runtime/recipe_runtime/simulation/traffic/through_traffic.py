@@ -19,7 +19,7 @@ from recipe_runtime.simulation.vehicle import VehicleAgent
 
 _SIGHT, _BEHIND, _ASIDE = 200.0, 25.0, 1.5  # metres: considered ahead, free behind, and free at both sides of a vehicle
 _BRAKING = 1.0  # m/s2, the hardest braking on entry
-_LEAST = 0.6  # share of the desired speed below which a vehicle waits
+_LEAST = 0.8  # share of the desired speed below which a vehicle waits
 _STEPS = 12  # halvings of the interval in which the speed on entry is searched
 
 
@@ -37,7 +37,7 @@ def exchange(agents: Iterable[Agent], neighbours: NeighbourGrid) -> None:
         if agent.present and agent.arrived:
             agent.leave()
         elif not agent.present:
-            entry = agent.actor.entry
+            entry = agent.entry
             others = [*neighbours.within(entry.x, entry.y, _SIGHT), *entered]
             speed = _speed_on_entry(entry, agent, others)
             if speed > 0.0:

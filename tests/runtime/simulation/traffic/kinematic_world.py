@@ -170,7 +170,8 @@ class KinematicWorld:
                 return
         tail = [(p.x, p.y) for p in body.actor.route]
         body.path, body.progress, body.present = Path([(entry.x, entry.y), tail[-1]]), 0.0, True
-        body.offset = 0.0
+        body.driver.lateral.stay(body.driver.lane_offset)
+        body.offset = body.driver.line
 
     def _walk(self, body: Dummy) -> None:
         """Move a pedestrian along its route; at a kerb it waits for moving vehicles."""
