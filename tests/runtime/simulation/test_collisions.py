@@ -36,7 +36,7 @@ def blind(monkeypatch: pytest.MonkeyPatch, made: Simulation, acceleration: float
     """Give all drivers the same wish, whatever is ahead."""
     for agent in made.agents:
         if isinstance(agent, VehicleAgent):
-            monkeypatch.setattr(agent.driver, "decide", lambda *_: Command(acceleration, 0.0))
+            monkeypatch.setattr(agent.driver, "decide", lambda *_: Command(acceleration))
 
 
 def run(made: Simulation, seconds: float) -> None:

@@ -10,7 +10,8 @@ from recipe_runtime.simulation.traffic.lateral import Lateral
 
 _LOCK = 0.27  # largest curvature of any vehicle's path, 1/m
 _SLOPE = 1.3  # tangent of the largest steering angle
-_NEAREST = 1.7  # shortest look-ahead distance from the rear axle, metres
+_ROUND = 1.0  # metres to both sides over which corners of the path are rounded
+_NEAREST = 2.4  # shortest look-ahead distance from the rear axle, metres
 _BEHIND, _PREPARE = 1.5, 6.0  # metres behind the rear axle and ahead of the front axle where bends count
 
 Vector2 = tuple[float, float]
@@ -77,7 +78,8 @@ class Steering:
         """Steer the rear axle to a point of the path ahead: pure pursuit (R. C. Coulter, 1992)."""
         reach = max(_NEAREST, 0.45 * speed)
         offset = lateral.line + reach * lateral.slope
-        px, py = self._path.at(here + reach)
+        (ax, ay), (bx, by) = self._path.at(here + reach - _ROUND), self._path.at(here + reach + _ROUND)
+        px, py = 0.5 * (ax + bx), 0.5 * (ay + by)
         left = self._path.left(here + reach) if offset else (0.0, 0.0)
         dx, dy = px + offset * left[0] - rear[0], py + offset * left[1] - rear[1]
         aside = heading[0] * dy - heading[1] * dx

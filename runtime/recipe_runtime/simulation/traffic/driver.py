@@ -35,7 +35,7 @@ from recipe_runtime.simulation.traffic.reversing import Reversing, Situation
 from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
 from recipe_runtime.simulation.traffic.standing_props import PropsNearby, StandingProp
 
-_LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2: lateral acceleration in bends, and braking before lower speed limits
+_LATERAL, _EARLY_BRAKING = 1.4, 1.2  # m/s2: lateral acceleration in bends, and braking before lower speed limits
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the waiting position
 _FIRM = 4.0  # m/s2, maximum braking to stop at the waiting position instead of at the painted line behind it
