@@ -18,7 +18,9 @@ from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.3, 0.35  # the last two in m/s2
-SAFE_BRAKING = 3.0  # m/s2 that a follower may have to brake at most
+SAFE_BRAKING = 3.0  # m/s2, hardest braking because of a lane change
+_ABORTED, _NEAR = 4.5, 0.5  # m/s2 and metres: harder braking, or a smaller gap, aborts it
+_COMMITTED = 0.25  # widths of a lane after which it goes on in any case
 _PAUSE = 8.0  # seconds between two lane changes
 _CHECKS = 3  # consecutive decisions in which a lane must be better
 _STAY = 20.0  # seconds that a vehicle must be able to stay in a lane to its right at its desired speed
@@ -54,6 +56,25 @@ def acceleration(follower: Own | Neighbour, leader: Neighbour | None, gap: float
     return min(free, idm(follower.speed, free, gap, leader.speed, style, style.gap))
 
 
+def is_safe(own: Own, there: tuple[Neighbour | None, Neighbour | None], room: float, braking: float) -> bool:
+    """Return whether a vehicle can be in a lane without anybody braking hard.
+
+    Args:
+        own: The vehicle.
+        there: Leader and follower in the lane.
+        room: Gap that it needs to both, metres.
+        braking: Hardest braking of the vehicle and of its follower, m/s2.
+    """
+    leader, follower = there
+    if any(neighbour is not None and neighbour.gap < room for neighbour in there):
+        return False
+    if follower is not None:
+        self_as_leader = Neighbour(follower.gap, own.speed, own.desired, own.style)
+        if acceleration(follower, self_as_leader, follower.gap) < -braking:
+            return False
+    return leader is None or acceleration(own, leader, leader.gap) >= -braking
+
+
 def gain(
     own: Own,
     here: tuple[Neighbour | None, Neighbour | None],
@@ -66,18 +87,14 @@ def gain(
         here: Leader and follower in its lane.
         there: Leader and follower in the other lane.
     """
+    if not is_safe(own, there, 2.0 + 0.2 * own.speed, SAFE_BRAKING):
+        return -math.inf
     leader, follower = there
-    for neighbour in there:
-        if neighbour is not None and neighbour.gap < 2.0 + 0.2 * own.speed:
-            return -math.inf
     others = 0.0
     if follower is not None:
         self_as_leader = Neighbour(follower.gap, own.speed, own.desired, own.style)
-        after = acceleration(follower, self_as_leader, follower.gap)
-        if after < -SAFE_BRAKING:
-            return -math.inf
         between = follower.gap + own.length + leader.gap if leader is not None else math.inf
-        others += after - acceleration(follower, leader, between)
+        others += acceleration(follower, self_as_leader, follower.gap) - acceleration(follower, leader, between)
     old_leader, old_follower = here
     if old_follower is not None:
         self_as_leader = Neighbour(old_follower.gap, own.speed, own.desired, own.style)
@@ -85,8 +102,6 @@ def gain(
         others += acceleration(old_follower, old_leader, between)
         others -= acceleration(old_follower, self_as_leader, old_follower.gap)
     after = acceleration(own, leader, leader.gap if leader is not None else math.inf)
-    if after < -SAFE_BRAKING:
-        return -math.inf
     before = acceleration(own, old_leader, old_leader.gap if old_leader is not None else math.inf)
     return after - before + POLITENESS * others
 
@@ -102,7 +117,7 @@ class LaneChanger:
     """The lane of one vehicle on a road with several lanes, counted from its path's lane, positive to the left."""
 
     def __init__(self) -> None:
-        self.lane = 0
+        self.lane = self._before = 0  # now or soon, and before the last change
         self._since = -math.inf  # time of the last change, seconds
         self._wanted, self._checks = 0, 0  # the lane that has been better, and in how many consecutive decisions
 
@@ -117,6 +132,11 @@ class LaneChanger:
             seconds: Time since frame 0.
         """
         target = self.lane * lanes.width
+        if self.lane != self._before and abs(vehicle.offset - self._before * lanes.width) < _COMMITTED * lanes.width:
+            there = _by_lane(vehicle, neighbours, lanes.width, [self.lane])[0]
+            if not is_safe(own, there, _NEAR, _ABORTED):
+                self.lane = self._before
+            return self.lane * lanes.width
         if seconds - self._since < _PAUSE or abs(vehicle.offset - target) > 0.4:
             self._checks = 0
             return target
@@ -133,7 +153,7 @@ class LaneChanger:
         self._checks = self._checks + 1 if wanted == self._wanted else 1
         self._wanted = wanted
         if wanted != self.lane and self._checks >= _CHECKS:
-            self.lane, self._since = wanted, seconds
+            self._before, self.lane, self._since = self.lane, wanted, seconds
         return self.lane * lanes.width
 
 
