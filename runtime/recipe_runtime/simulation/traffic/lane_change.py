@@ -20,10 +20,10 @@ from recipe_runtime.simulation.traffic.standing_props import StandingProp
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.3, 0.35  # the last two in m/s2
 SAFE_BRAKING = 3.0  # m/s2, hardest braking because of a lane change
 _ABORTED, _NEAR = 4.5, 0.5  # m/s2 and metres: harder braking, or a smaller gap, aborts it
-_COMMITTED = 0.25  # widths of a lane after which it goes on in any case
+_COMMITTED = 0.15  # widths of a lane after which it goes on in any case
 _PAUSE = 8.0  # seconds between two lane changes
 _CHECKS = 3  # consecutive decisions in which a lane must be better
-_STAY = 20.0  # seconds that a vehicle must be able to stay in a lane to its right at its desired speed
+_STAY = 30.0  # seconds that a vehicle must be able to stay in a lane to its right at its desired speed
 _OVERLAP = 0.2  # metres that a body must be in a lane to count there
 
 
@@ -79,6 +79,8 @@ def gain(
     own: Own,
     here: tuple[Neighbour | None, Neighbour | None],
     there: tuple[Neighbour | None, Neighbour | None],
+    *,
+    left: bool,
 ) -> float:
     """Return MOBIL's advantage of a lane change in m/s2; minus infinity if it is not safe.
 
@@ -86,17 +88,19 @@ def gain(
         own: The vehicle.
         here: Leader and follower in its lane.
         there: Leader and follower in the other lane.
+        left: Whether it is to the left. Only the follower in the left of the two lanes counts, so that slow vehicles do
+            not move to the left for those behind them.
     """
     if not is_safe(own, there, 2.0 + 0.2 * own.speed, SAFE_BRAKING):
         return -math.inf
     leader, follower = there
     others = 0.0
-    if follower is not None:
+    if left and follower is not None:
         self_as_leader = Neighbour(follower.gap, own.speed, own.desired, own.style)
         between = follower.gap + own.length + leader.gap if leader is not None else math.inf
         others += acceleration(follower, self_as_leader, follower.gap) - acceleration(follower, leader, between)
     old_leader, old_follower = here
-    if old_follower is not None:
+    if not left and old_follower is not None:
         self_as_leader = Neighbour(old_follower.gap, own.speed, own.desired, own.style)
         between = old_follower.gap + own.length + old_leader.gap if old_leader is not None else math.inf
         others += acceleration(old_follower, old_leader, between)
@@ -147,7 +151,7 @@ class LaneChanger:
             if lane < self.lane and catches_up(own, there[0]) < _STAY:
                 continue
             bias = KEEP_RIGHT if lane < self.lane else -KEEP_RIGHT
-            advantage = gain(own, nearest[0], there) + bias - THRESHOLD
+            advantage = gain(own, nearest[0], there, left=lane > self.lane) + bias - THRESHOLD
             if advantage > best:
                 best, wanted = advantage, lane
         self._checks = self._checks + 1 if wanted == self._wanted else 1

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from recipe_runtime.body.skeleton import BUS, MOTORCYCLE, TRUCK
 
 PEAK = 5.7736  # greatest acceleration of a quintic between two states of rest: 10 / sqrt(3), times distance / time^2
-_STREET = 1.6  # m/s2, greatest lateral acceleration on streets
+_STREET = _REVISED = 1.6  # m/s2, greatest lateral acceleration on streets, and of changes that are revised
 _MOTORWAY, _MOTORWAYS = 0.95, {BUS: 0.6, TRUCK: 0.6, MOTORCYCLE: 1.15}  # m/s2, and on roads with several lanes
 _CURVATURE = 0.12  # 1/m, of a slow vehicle's path, whose steering angle is the limit
 _SAMPLES, _STRETCH, _TRIES = 12, 1.1, 16  # of a change that begins in motion, whose duration is found by trial
-_TOLERANCE = 1.05  # its greatest acceleration, relative to the comfortable one or to that at its beginning
+_TOLERANCE = 1.05  # its greatest acceleration, relative to `_REVISED` or to that at its beginning
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,15 +127,15 @@ class Lateral:
         return other
 
     def _towards(self, target: float) -> Quintic | None:
-        """Return the change from now to an offset, with at most the comfortable acceleration."""
+        """Return the change from now to an offset."""
         way = target - self.line
         if self._curve is None:
             if way == 0.0:
                 return None
             return Quintic.to_rest((self.line, 0.0, 0.0), target, math.sqrt(PEAK * abs(way) / self._comfort))
         state = self._curve.at(self._clock)
-        duration = max(1.0, math.sqrt(PEAK * abs(way) / self._comfort))
-        most = _TOLERANCE * max(self._comfort, abs(state[2]))
+        duration = max(1.0, math.sqrt(PEAK * abs(way) / _REVISED))
+        most = _TOLERANCE * max(_REVISED, abs(state[2]))
         for _ in range(_TRIES):
             curve = Quintic.to_rest(state, target, duration)
             times = (duration * k / _SAMPLES for k in range(_SAMPLES))
