@@ -19,8 +19,8 @@ PEAK = 5.7736  # greatest acceleration of a quintic between two states of rest: 
 _STREET = _REVISED = 1.6  # m/s2, greatest lateral acceleration on streets, and of changes that are revised
 _MOTORWAY, _MOTORWAYS = 0.95, {BUS: 0.6, TRUCK: 0.6, MOTORCYCLE: 1.15}  # m/s2, and on roads with several lanes
 _CURVATURE = 0.12  # 1/m, of a slow vehicle's path, whose steering angle is the limit
-_SAMPLES, _STRETCH, _TRIES = 12, 1.1, 16  # of a change that begins in motion, whose duration is found by trial
-_TOLERANCE = 1.05  # its greatest acceleration, relative to `_REVISED` or to that at its beginning
+_SAMPLES, _STRETCH, _TRIES = 24, 1.1, 24  # of a change that begins in motion, whose duration is found by trial
+_TOLERANCE = 1.05  # its greatest acceleration, relative to `_REVISED`
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ class Lateral:
             return Quintic.to_rest((self.line, 0.0, 0.0), target, math.sqrt(PEAK * abs(way) / self._comfort))
         state = self._curve.at(self._clock)
         duration = max(1.0, math.sqrt(PEAK * abs(way) / _REVISED))
-        most = _TOLERANCE * max(_REVISED, abs(state[2]))
+        most = max(_TOLERANCE * _REVISED, 1.01 * abs(state[2]))
         for _ in range(_TRIES):
             curve = Quintic.to_rest(state, target, duration)
             times = (duration * k / _SAMPLES for k in range(_SAMPLES))
