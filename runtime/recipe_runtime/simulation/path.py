@@ -102,12 +102,12 @@ class Path:
         size = max(_distance((ax, ay), (cx, cy)), 1e-9)
         return -(cy - ay) / size, (cx - ax) / size
 
-    def curvature(self, metres: float) -> float:
-        """Return the curvature at an arc length: 1/m, positive to the left."""
-        (ax, ay), (bx, by), (cx, cy) = (self.at(metres + d) for d in (-_HALF_SPAN, 0.0, _HALF_SPAN))
+    def curvature(self, metres: float, half_span: float = _HALF_SPAN) -> float:
+        """Return the curvature at an arc length, measured over some metres to both sides: 1/m, positive to the left."""
+        (ax, ay), (bx, by), (cx, cy) = (self.at(metres + d) for d in (-half_span, 0.0, half_span))
         ux, uy, wx, wy = bx - ax, by - ay, cx - bx, cy - by
         lu, lw = max(_distance((0.0, 0.0), (ux, uy)), 1e-9), max(_distance((0.0, 0.0), (wx, wy)), 1e-9)
-        return (ux * wy - uy * wx) / (lu * lw * _HALF_SPAN)
+        return (ux * wy - uy * wx) / (lu * lw * half_span)
 
     def next_bend(self, start: float, end: float) -> float:
         """Return the curvature of the first bend between two arc lengths; 0 if there is none."""

@@ -17,7 +17,6 @@ from recipe_runtime.simulation.chassis.kinds import GRIP, vehicle_kind, yaw_iner
 from recipe_runtime.simulation.chassis.steering import Steering
 from recipe_runtime.simulation.chassis.suspension import Suspension, Wheels
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
 from recipe_runtime.simulation.traffic.driver import Command, Driver
 from recipe_runtime.simulation.traffic.reversing import REVERSE_SPEED
 
@@ -48,9 +47,8 @@ class VehicleAgent(Agent):
         self._base = shape["wheelbase"]
         self._rear = shape["wheelbase"] / 2 - axle_shift(shape)  # the rear axle lies this far behind the origin
         self._twist = GRIP * self._base / 2 * self._kind.mass / inertia  # rad/s2, the most by the tyres
-        self._command = Command(0.0, 0.0)
+        self._command = Command(0.0)
         self._steer = 0.0  # tangent of the angle
-        self._line = driver.base_offset  # metres to the left of the path where it steers to
         self._stand: tuple[float, float, Quaternion] | None = (self.x, self.y, self._yaw())  # where it stands
         self._distance = 0.0  # metres that its wheels have rolled
         self._wheels = self._wheel_places()
@@ -85,16 +83,26 @@ class VehicleAgent(Agent):
         """Whether it is at the end of its path."""
         return self.progress >= self.path.length - 0.5
 
+    @property
+    def entry(self) -> Pose:
+        """Where it enters the scene again: at the beginning of the lane in which it has left."""
+        pose, aside = self.actor.entry, self.driver.lane_offset
+        assert pose is not None
+        sine, cosine = exact.sin_cos_deg(pose.yaw)
+        return Pose(x=pose.x - aside * sine, y=pose.y + aside * cosine, yaw=pose.yaw)
+
     def enter(self, pose: Pose, speed: float) -> None:
         """Enter the scene again, and follow the rest of the route."""
         super().enter(pose, speed)
         self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
         self.z = self._suspension.height
-        self._steer, self._line, self._stand = 0.0, self.driver.base_offset, None
+        self._steer, self._stand = 0.0, None
+        aside = self.driver.lane_offset
+        self.driver.lateral.stay(aside)
         hx, hy = self.heading
         route = [(p.x, p.y) for p in self.actor.route]
         ahead = next((n for n, (x, y) in enumerate(route) if (x - self.x) * hx + (y - self.y) * hy > 0.0), len(route))
-        self._follow_path(Path([(self.x, self.y), *route[ahead:]]))
+        self._follow_path(Path([(self.x + aside * hy, self.y - aside * hx), *route[ahead:]]))
 
     def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
         """Brake and stop after a hard collision, or after hitting a person while it moves."""
@@ -146,14 +154,11 @@ class VehicleAgent(Agent):
         return max(0.0, ahead + max(-kind.brake, min(kind.drive, self._command.acceleration)) * self._dt)
 
     def _steer_to_path(self, speed: float) -> None:
-        shift = min(SIDESTEP, SIDESTEP_SLOPE * speed)
-        line = move_towards(self._line, self._command.offset, shift * self._dt)
-        slope = 0.0 if line == self._line else (shift if line > self._line else -shift) / max(speed, 0.1)
-        self._line = line
+        self.driver.lateral.advance(speed, self._dt)
         if self._stands_until == -math.inf:
             if self._command.reverse:
                 self._leg = self._steering.go_back(self.progress - self.reach - _BACK)
-            target = self._steering.target((self.x, self.y), self.heading, speed, (line, slope))
+            target = self._steering.target((self.x, self.y), self.heading, speed, self.driver.lateral)
             target = -target if self._command.reverse else target  # turns it as it would turn on its way forwards
             rate = (1.0 + self._steer * self._steer) * _STEERING
             self._steer = move_towards(self._steer, target, rate * self._dt)

@@ -36,7 +36,7 @@ def blind(monkeypatch: pytest.MonkeyPatch, made: Simulation, acceleration: float
     """Give all drivers the same wish, whatever is ahead."""
     for agent in made.agents:
         if isinstance(agent, VehicleAgent):
-            monkeypatch.setattr(agent.driver, "decide", lambda *_: Command(acceleration, 0.0))
+            monkeypatch.setattr(agent.driver, "decide", lambda *_: Command(acceleration))
 
 
 def run(made: Simulation, seconds: float) -> None:
@@ -135,7 +135,7 @@ def test_the_result_depends_little_on_the_time_step(monkeypatch: pytest.MonkeyPa
         car = actor("car", "vehicle.sedan.a", Pose(y=30), (40, 30), (50, 40), (50, 90))
         crash = actor("crash", "vehicle.sedan.a", Pose(), (80, 0))
         with simulation(car, crash, elements=[wall(30.0)], physics=physics) as made:
-            monkeypatch.setattr(vehicle(made, 1).driver, "decide", lambda *_: Command(3.0, 0.0))
+            monkeypatch.setattr(vehicle(made, 1).driver, "decide", lambda *_: Command(3.0))
             run(made, 12.0)
             ends.append([(agent.x, agent.y) for agent in made.agents])
     for (ax, ay), (bx, by) in zip(*ends, strict=True):

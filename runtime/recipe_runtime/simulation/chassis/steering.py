@@ -6,10 +6,12 @@ Angles are given by their tangents, which need no trigonometry.
 from __future__ import annotations
 
 from recipe_runtime.simulation.path import Path
+from recipe_runtime.simulation.traffic.lateral import Lateral
 
 _LOCK = 0.27  # largest curvature of any vehicle's path, 1/m
 _SLOPE = 1.3  # tangent of the largest steering angle
-_NEAREST = 1.7  # shortest look-ahead distance from the rear axle, metres
+_ROUND = 1.0  # metres to both sides over which corners of the path are rounded
+_NEAREST = 2.4  # shortest look-ahead distance from the rear axle, metres
 _BEHIND, _PREPARE = 1.5, 6.0  # metres behind the rear axle and ahead of the front axle where bends count
 
 Vector2 = tuple[float, float]
@@ -36,7 +38,7 @@ class Steering:
         self._front_leg = self._rear_leg = leg
         return leg
 
-    def target(self, place: Vector2, heading: Vector2, speed: float, offset: Vector2) -> float:
+    def target(self, place: Vector2, heading: Vector2, speed: float, lateral: Lateral) -> float:
         """Return the wanted tangent of the steering angle, positive to the left.
 
         In a bend, the rear wheels take a tighter path than the front wheels. In left bends, which have road on the
@@ -46,23 +48,23 @@ class Steering:
             place: The vehicle's origin, metres in the world frame.
             heading: Unit vector.
             speed: m/s.
-            offset: Metres to the left of the path where it is to be, and by how much that changes in a metre.
+            lateral: Its motion across the path.
         """
         hx, hy = heading
         x, y = place[0] - self._rear * hx, place[1] - self._rear * hy
         here, _, self._rear_leg = self._path.locate(x, y, self._rear_leg)
         if self._path.next_bend(here - _BEHIND, here + self._wheelbase + _PREPARE) < 0.0:
-            wanted = self._pursue((x, y), here, heading, speed, offset)
+            wanted = self._pursue((x, y), here, heading, speed, lateral)
         else:
-            wanted = self._stanley((x + self._wheelbase * hx, y + self._wheelbase * hy), heading, speed, offset)
+            wanted = self._stanley((x + self._wheelbase * hx, y + self._wheelbase * hy), heading, speed, lateral)
         return max(-self.lock, min(self.lock, wanted))
 
-    def _stanley(self, front: Vector2, heading: Vector2, speed: float, offset: Vector2) -> float:
+    def _stanley(self, front: Vector2, heading: Vector2, speed: float, lateral: Lateral) -> float:
         """Steer the front axle along the path, after S. Thrun et al., Stanley (Journal of Field Robotics, 2006)."""
         here, aside, self._front_leg = self._path.locate(*front, self._front_leg)
         left = self._path.left(here + 0.3)
-        aside = offset[0] - aside
-        tx, ty = left[1] + offset[1] * left[0], -left[0] + offset[1] * left[1]
+        aside, slope = lateral.line - aside, lateral.slope
+        tx, ty = left[1] + slope * left[0], -left[0] + slope * left[1]
         cross, dot = heading[0] * ty - heading[1] * tx, heading[0] * tx + heading[1] * ty
         if dot <= 0.1:
             return self.lock if cross > 0.0 else -self.lock
@@ -72,11 +74,13 @@ class Steering:
             return self.lock if turn > 0.0 else -self.lock
         return (turn + shift) / rest
 
-    def _pursue(self, rear: Vector2, here: float, heading: Vector2, speed: float, offset: Vector2) -> float:
+    def _pursue(self, rear: Vector2, here: float, heading: Vector2, speed: float, lateral: Lateral) -> float:
         """Steer the rear axle to a point of the path ahead: pure pursuit (R. C. Coulter, 1992)."""
-        ahead = here + max(_NEAREST, 0.45 * speed)
-        px, py = self._path.at(ahead)
-        left = self._path.left(ahead) if offset[0] else (0.0, 0.0)
-        dx, dy = px + offset[0] * left[0] - rear[0], py + offset[0] * left[1] - rear[1]
-        lateral = heading[0] * dy - heading[1] * dx
-        return self._wheelbase * 2.0 * lateral / max(dx * dx + dy * dy, 1.0)
+        reach = max(_NEAREST, 0.45 * speed)
+        offset = lateral.line + reach * lateral.slope
+        (ax, ay), (bx, by) = self._path.at(here + reach - _ROUND), self._path.at(here + reach + _ROUND)
+        px, py = 0.5 * (ax + bx), 0.5 * (ay + by)
+        left = self._path.left(here + reach) if offset else (0.0, 0.0)
+        dx, dy = px + offset * left[0] - rear[0], py + offset * left[1] - rear[1]
+        aside = heading[0] * dy - heading[1] * dx
+        return self._wheelbase * 2.0 * aside / max(dx * dx + dy * dy, 1.0)

@@ -1,6 +1,6 @@
 """Obstacles ahead: the agents in the corridor that a vehicle sweeps along its path.
 
-While a vehicle changes its offset, its corridor leads from the current to the desired offset.
+While a vehicle changes its offset, its corridor leads from the current to the desired offset, see `lateral`.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_runtime.simulation.path import Leg, nearest_on
+from recipe_runtime.simulation.traffic.lateral import Lateral
 from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
-SIDESTEP, SIDESTEP_SLOPE = 1.0, 0.3  # maximum lateral speed: m/s, and relative to the speed
 CLEARANCE = 0.3  # metres on both sides of a moving vehicle
 _TIGHT, _TOUCHING = 0.05, -0.1  # likewise for obstacles level with its front, and behind its front
 _LONG = 2.9  # metres; bodies with a larger half length are tested in three pieces
 _PERSON = 0.55  # metres on both sides of a pedestrian
-_SURE, _LAG = 0.85, 2.0  # share of the lateral speed that is assumed, after so many metres
+_LAG = 1.0  # metres by which steering may be late
 _FORESIGHT = 2.5  # seconds for which the motion of a pedestrian on the road is predicted
 _STEP = 1.2  # likewise for a pedestrian about to step onto the road
 _ROADSIDE = 6.0  # metres beside a corridor within which pedestrians are considered
@@ -37,8 +37,7 @@ class Corridor:
     radius: float  # half its width
     offset: float  # metres to the left of the path
     target: float  # desired offset
-    base: float  # offset of its lane
-    slope: float  # metres to the side for each metre ahead
+    lateral: Lateral  # its motion to there
     speed: float  # of the vehicle
     open_end: bool  # whether the last leg is the path's last
     roads: RoadMap
@@ -46,23 +45,23 @@ class Corridor:
     @classmethod
     def of(cls, vehicle: Vehicle, length: float, target: float, roads: RoadMap) -> Corridor:
         """Return the strip that a vehicle covers while it moves to an offset."""
-        path, start, speed = vehicle.path, vehicle.progress, vehicle.speed
+        path, start, speed, driver = vehicle.path, vehicle.progress, vehicle.speed, vehicle.driver
         end = start + vehicle.reach + length
         legs, open_end = path.window(start - 2.0, end), end >= path.length
-        slope = _SURE * min(SIDESTEP_SLOPE, SIDESTEP / max(speed, 0.1))
-        base = vehicle.driver.base_offset
-        in_lane = target == base == vehicle.driver.line  # then any offset is due to bends
-        offsets = (base if in_lane else vehicle.offset, target, base)
-        return cls(legs, start, vehicle.reach, length, vehicle.radius, *offsets, slope, speed, open_end, roads)
+        in_lane = target == driver.base_offset == driver.line  # then any offset is due to bends
+        offset, lateral = (target if in_lane else vehicle.offset), driver.lateral.plan(target)
+        return cls(legs, start, vehicle.reach, length, vehicle.radius, offset, target, lateral, speed, open_end, roads)
 
     def edges(self, gap: float) -> tuple[float, float]:
         """Return the right and the left edge of the strip at a distance from the front."""
-        aside = self.target - self.offset
-        if aside == 0.0:
+        if self.target == self.offset:
             return self.offset - self.radius, self.offset + self.radius
-        lag = _LAG if abs(self.offset - self.base) < 0.3 else 0.3
-        ahead = self.slope * max(gap - lag, 0.0)
-        here = self.offset + max(-ahead, min(ahead, aside))
+        aside, way, gap = self.target - self.offset, self.target - self.lateral.line, max(gap - _LAG, 0.0)
+        if way:
+            rest = (self.target - self.lateral.ahead(gap, self.speed)) / way
+        else:  # it was displaced
+            rest = max(0.0, 1.0 - gap / self.lateral.length(aside, self.speed))
+        here = self.target - rest * aside
         return min(here, self.target) - self.radius, max(here, self.target) + self.radius
 
 

@@ -17,7 +17,7 @@ from recipe_compiler.ir.plan import ActorPlan
 from recipe_runtime.body.skeleton import BICYCLE
 from recipe_runtime.simulation.path import Path
 from recipe_runtime.simulation.traffic import corridor
-from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE, Corridor, Obstacle
+from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle
 from recipe_runtime.simulation.traffic.following import (
     HARDEST_BRAKING,
     following_acceleration,
@@ -27,6 +27,7 @@ from recipe_runtime.simulation.traffic.following import (
 )
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
+from recipe_runtime.simulation.traffic.lateral import Lateral
 from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
 from recipe_runtime.simulation.traffic.passage import Passage
 from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
@@ -34,7 +35,7 @@ from recipe_runtime.simulation.traffic.reversing import Reversing, Situation
 from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
 from recipe_runtime.simulation.traffic.standing_props import PropsNearby, StandingProp
 
-_LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2: lateral acceleration in bends, and braking before lower speed limits
+_LATERAL, _EARLY_BRAKING = 1.4, 1.2  # m/s2: lateral acceleration in bends, and braking before lower speed limits
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the waiting position
 _FIRM = 4.0  # m/s2, maximum braking to stop at the waiting position instead of at the painted line behind it
@@ -52,7 +53,6 @@ class Command:
     """A driver's command to its vehicle."""
 
     acceleration: float  # m/s2 along the path
-    offset: float  # metres to the left of the path
     reverse: bool = False  # reverse slowly instead
 
 
@@ -62,8 +62,7 @@ class Driver:
     Attributes:
         style: Its parameters of car following.
         passage: Its state at the junctions on its path.
-        offset: Its desired offset, metres to the left of its path.
-        line: The offset that the vehicle should have reached by now.
+        lateral: The vehicle's lateral motion.
         desired: Its desired speed on a free road, m/s.
         waiting: Whether it waits at a stop line, or will have to.
         horizon: Metres within which it needs to know its neighbours.
@@ -76,7 +75,7 @@ class Driver:
         self.actor, self.style = actor, style_of(actor.shape)
         self.base_offset = _BICYCLE_OFFSET if int(actor.shape["body"]) == BICYCLE else 0.0
         self.passage = Passage(extent=math.inf if actor.route else 0.0)
-        self.offset = self.line = self.base_offset
+        self.lateral = Lateral(actor.shape, self.base_offset, street=True)
         self.desired = actor.speed
         self.waiting, self.stalled = False, not actor.route or actor.speed <= 0.0
         self.horizon = 60.0
@@ -90,9 +89,24 @@ class Driver:
         self._ticks = self._idle = 0
 
     @property
+    def offset(self) -> float:
+        """The desired offset, metres to the left of the path."""
+        return self.lateral.target
+
+    @property
+    def line(self) -> float:
+        """The offset that the vehicle should have by now."""
+        return self.lateral.line
+
+    @property
     def overtakes(self) -> bool:
         """Whether it is in the oncoming lane of a street."""
         return self._lanes is None and max(self.offset, self.line) > self.base_offset + 0.3
+
+    @property
+    def lane_offset(self) -> float:
+        """The offset of its lane."""
+        return self.base_offset if self._lanes is None else self._changer.lane * self._lanes.width
 
     def arrived(self, vehicle: Vehicle) -> bool:
         """Return whether the vehicle has reached the end of its path and stays there."""
@@ -110,7 +124,7 @@ class Driver:
             self._take_path(vehicle)
         if self.actor.speed <= 0.0 or not vehicle.path.legs or (self.actor.held and seconds < 0.0):
             self.waiting, self.stalled, self.passage.extent = False, True, 0.0
-            return Command(-2.0 if vehicle.speed > 0.0 else 0.0, vehicle.offset)
+            return Command(-2.0 if vehicle.speed > 0.0 else 0.0)
         if self._props is not None:
             neighbours = [*neighbours, *self._props.near(vehicle.x, vehicle.y, self.horizon)]
         speed, style = vehicle.speed, self.style
@@ -135,12 +149,9 @@ class Driver:
         self.stalled = self._idle > _IDLE_TICKS or self.arrived(vehicle)
         self._note_room(vehicle, found, line)
         self.waiting = line < 12.0
-        step = 0.1 * min(SIDESTEP, SIDESTEP_SLOPE * max(speed, 0.0))
-        aside = self.offset - self.line
-        self.line = self.offset if abs(aside) <= step else self.line + (step if aside > 0.0 else -step)
         self._choose_offset(vehicle, neighbours, nearest, seconds)
         reverse = speed < 0.1 and self._drives_back(vehicle, neighbours, Situation(wish, nearest), seconds)
-        return Command(max(-HARDEST_BRAKING, wish), self.offset, reverse)
+        return Command(max(-HARDEST_BRAKING, wish), reverse)
 
     def _drives_back(self, vehicle: Vehicle, neighbours: Sequence[Body], situation: Situation, seconds: float) -> bool:
         """Return whether a vehicle that is stationary or reversing reverses now."""
@@ -150,12 +161,12 @@ class Driver:
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""
         path = self._path = vehicle.path
-        self._changer, self._overtaking = LaneChanger(), Overtaking(self._junctions)
-        self.offset = self.line = self.base_offset
+        self._overtaking = Overtaking(self._junctions)
         if path.legs:
             goal = self.actor.entry is None
             self._profile = speed_profile(path, self._map, lateral=_LATERAL, braking=_EARLY_BRAKING, goal=goal)
             self._lanes = self._map.lanes(*path.at(0.0))
+        self.lateral = Lateral(self.actor.shape, self.lane_offset, street=self._lanes is None)
         fastest = min(self.actor.speed, max(self._profile, default=0.0))
         self.horizon = max(60.0, min(200.0, 5.0 * fastest + 30.0))
 
@@ -251,7 +262,7 @@ class Driver:
         if self._lanes is not None:
             if self._ticks % _LANE_TICKS == 0:
                 own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style)
-                self.offset = self._changer.decide(vehicle, own, self._lanes, neighbours, seconds)
+                self.lateral.move_to(self._changer.decide(vehicle, own, self._lanes, neighbours, seconds))
             return
         shift = self._overtaking.decide(vehicle, neighbours, nearest, self._map)
-        self.offset = self.base_offset if shift is None else shift
+        self.lateral.move_to(self.base_offset if shift is None else shift)

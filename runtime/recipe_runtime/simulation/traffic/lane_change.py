@@ -17,9 +17,13 @@ from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicl
 from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
-POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.15, 0.2  # the last two in m/s2
-SAFE_BRAKING = 3.0  # m/s2 that a follower may have to brake at most
-_PAUSE = 4.0  # seconds between two lane changes
+POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.4, 0.45  # the last two in m/s2
+SAFE_BRAKING = 3.0  # m/s2, hardest braking because of a lane change
+_ABORTED, _NEAR = 4.5, 0.5  # m/s2 and metres: harder braking, or a smaller gap, aborts it
+_COMMITTED = 0.15  # widths of a lane after which it goes on in any case
+_PAUSE = 8.0  # seconds between two lane changes
+_CHECKS = 3  # consecutive decisions in which a lane must be better
+_STAY = 30.0  # seconds that a vehicle must be able to stay in a lane to its right at its desired speed
 _OVERLAP = 0.2  # metres that a body must be in a lane to count there
 
 
@@ -52,10 +56,31 @@ def acceleration(follower: Own | Neighbour, leader: Neighbour | None, gap: float
     return min(free, idm(follower.speed, free, gap, leader.speed, style, style.gap))
 
 
+def is_safe(own: Own, there: tuple[Neighbour | None, Neighbour | None], room: float, braking: float) -> bool:
+    """Return whether a vehicle can be in a lane without anybody braking hard.
+
+    Args:
+        own: The vehicle.
+        there: Leader and follower in the lane.
+        room: Gap that it needs to both, metres.
+        braking: Hardest braking of the vehicle and of its follower, m/s2.
+    """
+    leader, follower = there
+    if any(neighbour is not None and neighbour.gap < room for neighbour in there):
+        return False
+    if follower is not None:
+        self_as_leader = Neighbour(follower.gap, own.speed, own.desired, own.style)
+        if acceleration(follower, self_as_leader, follower.gap) < -braking:
+            return False
+    return leader is None or acceleration(own, leader, leader.gap) >= -braking
+
+
 def gain(
     own: Own,
     here: tuple[Neighbour | None, Neighbour | None],
     there: tuple[Neighbour | None, Neighbour | None],
+    *,
+    left: bool,
 ) -> float:
     """Return MOBIL's advantage of a lane change in m/s2; minus infinity if it is not safe.
 
@@ -63,38 +88,42 @@ def gain(
         own: The vehicle.
         here: Leader and follower in its lane.
         there: Leader and follower in the other lane.
+        left: Whether it is to the left. Only the follower in the left of the two lanes counts, so that slow vehicles do
+            not move to the left for those behind them.
     """
+    if not is_safe(own, there, 2.0 + 0.2 * own.speed, SAFE_BRAKING):
+        return -math.inf
     leader, follower = there
-    for neighbour in there:
-        if neighbour is not None and neighbour.gap < 2.0 + 0.2 * own.speed:
-            return -math.inf
     others = 0.0
-    if follower is not None:
+    if left and follower is not None:
         self_as_leader = Neighbour(follower.gap, own.speed, own.desired, own.style)
-        after = acceleration(follower, self_as_leader, follower.gap)
-        if after < -SAFE_BRAKING:
-            return -math.inf
         between = follower.gap + own.length + leader.gap if leader is not None else math.inf
-        others += after - acceleration(follower, leader, between)
+        others += acceleration(follower, self_as_leader, follower.gap) - acceleration(follower, leader, between)
     old_leader, old_follower = here
-    if old_follower is not None:
+    if not left and old_follower is not None:
         self_as_leader = Neighbour(old_follower.gap, own.speed, own.desired, own.style)
         between = old_follower.gap + own.length + old_leader.gap if old_leader is not None else math.inf
         others += acceleration(old_follower, old_leader, between)
         others -= acceleration(old_follower, self_as_leader, old_follower.gap)
     after = acceleration(own, leader, leader.gap if leader is not None else math.inf)
-    if after < -SAFE_BRAKING:
-        return -math.inf
     before = acceleration(own, old_leader, old_leader.gap if old_leader is not None else math.inf)
     return after - before + POLITENESS * others
+
+
+def catches_up(own: Own, leader: Neighbour | None) -> float:
+    """Return the seconds until a vehicle at its desired speed has its headway to a leader; infinity if it never has."""
+    if leader is None or own.desired <= leader.speed:
+        return math.inf
+    return (leader.gap - own.style.gap - own.desired * own.style.headway) / (own.desired - leader.speed)
 
 
 class LaneChanger:
     """The lane of one vehicle on a road with several lanes, counted from its path's lane, positive to the left."""
 
     def __init__(self) -> None:
-        self.lane = 0
+        self.lane = self._before = 0  # now or soon, and before the last change
         self._since = -math.inf  # time of the last change, seconds
+        self._wanted, self._checks = 0, 0  # the lane that has been better, and in how many consecutive decisions
 
     def decide(self, vehicle: Vehicle, own: Own, lanes: Lanes, neighbours: Sequence[Body], seconds: float) -> float:
         """Return the desired offset of the vehicle, metres to the left of its path.
@@ -107,18 +136,28 @@ class LaneChanger:
             seconds: Time since frame 0.
         """
         target = self.lane * lanes.width
+        if self.lane != self._before and abs(vehicle.offset - self._before * lanes.width) < _COMMITTED * lanes.width:
+            there = _by_lane(vehicle, neighbours, lanes.width, [self.lane])[0]
+            if not is_safe(own, there, _NEAR, _ABORTED):
+                self.lane = self._before
+            return self.lane * lanes.width
         if seconds - self._since < _PAUSE or abs(vehicle.offset - target) > 0.4:
+            self._checks = 0
             return target
         options = [self.lane + step for step in (-1, 1) if -lanes.right <= self.lane + step <= lanes.left]
         nearest = _by_lane(vehicle, neighbours, lanes.width, [self.lane, *options])
         best, wanted = 0.0, self.lane
         for lane, there in zip(options, nearest[1:], strict=True):
+            if lane < self.lane and catches_up(own, there[0]) < _STAY:
+                continue
             bias = KEEP_RIGHT if lane < self.lane else -KEEP_RIGHT
-            advantage = gain(own, nearest[0], there) + bias - THRESHOLD
+            advantage = gain(own, nearest[0], there, left=lane > self.lane) + bias - THRESHOLD
             if advantage > best:
                 best, wanted = advantage, lane
-        if wanted != self.lane:
-            self.lane, self._since = wanted, seconds
+        self._checks = self._checks + 1 if wanted == self._wanted else 1
+        self._wanted = wanted
+        if wanted != self.lane and self._checks >= _CHECKS:
+            self._before, self.lane, self._since = self.lane, wanted, seconds
         return self.lane * lanes.width
 
 
@@ -139,7 +178,7 @@ def _by_lane(
         along = dx * tx + dy * ty
         gap = abs(along) - body.reach - vehicle.reach
         neighbour = None
-        low, high = _band(body, aside)
+        low, high = band(body, aside)
         for n, lane in enumerate(lanes):
             middle = lane * width
             if high < middle - width / 2 + _OVERLAP or low > middle + width / 2 - _OVERLAP:
@@ -152,8 +191,13 @@ def _by_lane(
     return [(ahead, behind) for ahead, behind in found]
 
 
-def _band(body: Body, aside: float) -> tuple[float, float]:
-    """Return the edges of a body, metres to the left of the path, including a lane change that it has begun."""
+def band(body: Body, aside: float) -> tuple[float, float]:
+    """Return the right and the left edge of a body and of the lane change that it has begun.
+
+    Args:
+        body: The body.
+        aside: Metres from the line from which the edges are measured to the body's middle, to the left.
+    """
     shift = body.driver.offset - body.offset if is_vehicle(body) else 0.0
     return aside - body.radius + min(shift, 0.0), aside + body.radius + max(shift, 0.0)
 

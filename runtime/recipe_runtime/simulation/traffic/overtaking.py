@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_runtime.body.skeleton import BICYCLE, is_person
-from recipe_runtime.simulation.traffic.corridor import SIDESTEP_SLOPE, Corridor, Obstacle, obstacles
+from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle, obstacles
 from recipe_runtime.simulation.traffic.junctions import EMERGING, JunctionControl
 from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
@@ -146,7 +146,9 @@ def _free(
     pace = max(1.5, (vehicle.speed + 2.0 * vehicle.driver.desired) / 3.0)
     if pace - speed < 1.0:
         return False
-    back = (offset - vehicle.driver.base_offset) / SIDESTEP_SLOPE + vehicle.reach  # metres to return into the lane
+    driver = vehicle.driver
+    half = 0.5 * driver.lateral.length(offset - driver.base_offset, pace)  # metres until its middle has returned
+    back = half + vehicle.reach
     seconds = (gap + 2.0 * (body.reach + vehicle.reach) + _AFTER) / (pace - max(0.0, speed)) + back / pace + 0.5
     way = pace * seconds
     if way > room:

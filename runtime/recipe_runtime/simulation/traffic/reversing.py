@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from recipe_runtime.simulation.traffic.corridor import SIDESTEP_SLOPE, Obstacle
+from recipe_runtime.simulation.traffic.corridor import Obstacle
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.protocols import Body, Vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
@@ -95,7 +95,8 @@ class Reversing:
         if nearest is None or nearest.person or abs(nearest.speed) > _STANDS:
             return 0.0, math.inf
         if situation.overtakes:
-            needed = _RUN_UP + (vehicle.driver.offset - vehicle.offset) / (0.85 * SIDESTEP_SLOPE)
+            lateral = vehicle.driver.lateral
+            needed = _RUN_UP + lateral.length(lateral.target - vehicle.offset, 0.0)
             return min(needed - nearest.gap, _MOST), _TOO_NEAR
         if nearest.gap < 1.0 and nearest.along < 0.3:
             return _AFTER_CONTACT, _MEETS

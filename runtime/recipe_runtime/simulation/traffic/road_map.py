@@ -21,6 +21,8 @@ Control = Literal["light", "stop", "yield", "priority", "none"]
 DIRECTIONS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 _STOP_SIGN, _GIVE_WAY_SIGN = 0, 3  # faces of a sign
 _CELL = 32.0  # metres of the grid in which roads are looked up
+_SPAN = 2.2  # metres to both sides over which the curvature of a path is measured, for the speed
+_BEFORE = 4  # metres before a corner of a path from which its speed is kept: the front axle turns earlier
 _LINE = 3.0  # from a junction's edge to its stop line where no road shows one
 
 
@@ -258,10 +260,11 @@ def speed_profile(path: Path, road_map: RoadMap, *, lateral: float, braking: flo
     for (_, _, ux, uy, _, _), (_, _, wx, wy, start, _) in zip(path.legs, path.legs[1:], strict=False):
         if abs(ux * wy - uy * wx) < 0.02 and ux * wx + uy * wy > 0.0:
             continue
-        for n in range(max(0, int(start) - 1), min(count, int(start) + 3)):
-            curvature = abs(path.curvature(float(n)))
-            if curvature > 0.01:
-                speeds[n] = min(speeds[n], max(1.2, math.sqrt(lateral / curvature)))
+        curvature = max(abs(path.curvature(start + metres, _SPAN)) for metres in (-1.0, 0.0, 1.0))
+        if curvature > 0.01:
+            fastest = max(1.2, math.sqrt(lateral / curvature))
+            for n in range(max(0, int(start) - _BEFORE), min(count, int(start) + 3)):
+                speeds[n] = min(speeds[n], fastest)
     if goal:
         speeds[-1] = 0.0
     for n in range(count - 2, -1, -1):

@@ -12,7 +12,6 @@ from recipe_compiler.ir.signals import light
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
 from recipe_runtime.simulation.traffic.driver import Command, Driver
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
@@ -151,8 +150,8 @@ class KinematicWorld:
         body.acceleration = (speed - body.speed) / TICK
         body.progress += (body.speed + speed) / 2 * TICK
         body.speed = speed
-        step = min(SIDESTEP, SIDESTEP_SLOPE * speed) * TICK
-        body.offset += max(-step, min(step, command.offset - body.offset))
+        body.driver.lateral.advance(speed, TICK)
+        body.offset = body.driver.lateral.line
         if body.actor.entry is not None and body.progress >= body.path.length:
             self._enter(body)
         body.place()
@@ -171,7 +170,8 @@ class KinematicWorld:
                 return
         tail = [(p.x, p.y) for p in body.actor.route]
         body.path, body.progress, body.present = Path([(entry.x, entry.y), tail[-1]]), 0.0, True
-        body.offset = 0.0
+        body.driver.lateral.stay(body.driver.lane_offset)
+        body.offset = body.driver.line
 
     def _walk(self, body: Dummy) -> None:
         """Move a pedestrian along its route; at a kerb it waits for moving vehicles."""

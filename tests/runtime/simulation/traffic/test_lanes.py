@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 
 import pytest
-from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.ir.plan import ActorPlan, Clock, ScenePlan
 from recipe_compiler.library import blueprints
+from recipe_runtime.simulation.loop import Simulation
 from recipe_runtime.simulation.path import Path, nearest_on
 from recipe_runtime.simulation.traffic.following import style_of
-from recipe_runtime.simulation.traffic.lane_change import KEEP_RIGHT, THRESHOLD, Neighbour, Own, gain
+from recipe_runtime.simulation.traffic.lane_change import KEEP_RIGHT, THRESHOLD, Neighbour, Own, catches_up, gain
+from recipe_runtime.simulation.vehicle import VehicleAgent
 
 from tests.runtime.simulation.traffic.kinematic_world import Dummy, KinematicWorld, actor
 from tests.runtime.simulation.traffic.scenes import lane as scene_lane
@@ -24,30 +26,45 @@ def _neighbour(gap: float, speed: float) -> Neighbour:
 
 
 def test_mobil_changes_lanes_behind_a_slow_leader() -> None:
-    assert gain(FAST, (_neighbour(40.0, 20.0), None), (None, None)) > 1.0
-    assert gain(FAST, (None, None), (_neighbour(40.0, 20.0), None)) < 0.0
+    assert gain(FAST, (_neighbour(40.0, 20.0), None), (None, None), left=True) > 1.0
+    assert gain(FAST, (None, None), (_neighbour(40.0, 20.0), None), left=True) < 0.0
 
 
 def test_mobil_never_makes_a_follower_brake_hard() -> None:
     slow = Own(20.0, 33.0, 4.5, CAR)
     blocked = (_neighbour(15.0, 15.0), None)
-    assert gain(slow, blocked, (None, _neighbour(80.0, 20.0))) > 0.0
-    assert gain(slow, blocked, (None, _neighbour(20.0, 33.0))) == -math.inf
-    assert gain(slow, blocked, (None, _neighbour(3.0, 20.0))) == -math.inf  # no room
+    assert gain(slow, blocked, (None, _neighbour(80.0, 20.0)), left=True) > 0.0
+    assert gain(slow, blocked, (None, _neighbour(20.0, 33.0)), left=True) == -math.inf
+    assert gain(slow, blocked, (None, _neighbour(3.0, 20.0)), left=True) == -math.inf  # no room
 
 
-def test_mobil_considers_other_vehicles() -> None:
-    """Politeness: an advantage counts less if a follower has to brake, and more if one can accelerate."""
-    here = (_neighbour(30.0, 24.0), None)
-    alone, follower = gain(FAST, here, (None, None)), gain(FAST, here, (None, _neighbour(60.0, 33.0)))
-    freed = gain(FAST, (here[0], _neighbour(30.0, 32.0)), (None, None))
-    assert follower < alone < freed or freed == pytest.approx(alone, abs=0.5)
-    assert follower < alone
+def test_mobil_considers_the_follower_in_the_left_lane() -> None:
+    """Politeness: an advantage counts less if that follower has to brake, and more if it can accelerate."""
+    here, behind = _neighbour(30.0, 24.0), _neighbour(30.0, 33.0)
+    alone = gain(FAST, (here, None), (None, None), left=True)
+    assert gain(FAST, (here, None), (None, _neighbour(60.0, 33.0)), left=True) < alone
+    assert gain(FAST, (here, behind), (None, None), left=True) == alone
+    freed = gain(FAST, (None, behind), (None, None), left=False)
+    assert freed > gain(FAST, (None, None), (None, None), left=False) == 0.0
+    assert gain(FAST, (None, behind), (None, _neighbour(60.0, 33.0)), left=False) == freed
 
 
 def test_without_an_advantage_no_vehicle_changes_to_the_left() -> None:
-    assert gain(FAST, (None, None), (None, None)) - KEEP_RIGHT - THRESHOLD < 0.0
-    assert gain(FAST, (None, None), (None, None)) + KEEP_RIGHT - THRESHOLD > 0.0  # but it changes to the right
+    assert gain(FAST, (None, None), (None, None), left=True) - KEEP_RIGHT - THRESHOLD < 0.0
+    assert (
+        gain(FAST, (None, None), (None, None), left=False) + KEEP_RIGHT - THRESHOLD > 0.0
+    )  # but it changes to the right
+
+
+def test_a_slow_vehicle_does_not_move_to_the_left_for_its_follower() -> None:
+    world = KinematicWorld(
+        motorway(), [_on_motorway("truck", 2, -330.0, 15.0, "truck.box"), _on_motorway("car", 2, -400.0, 30.0)]
+    )
+    world["truck"].speed, world["car"].speed = 15.0, 30.0
+    for _ in range(80):
+        world.step()
+        assert world["truck"].offset == 0.0
+    assert world["car"].offset == pytest.approx(3.6, abs=0.1)
 
 
 def _on_motorway(name: str, number: int, y: float, speed: float, kind: str = "sedan.a") -> ActorPlan:
@@ -225,3 +242,74 @@ def test_a_pedestrian_at_a_crossing_has_right_of_way(x: float, stops: bool) -> N
     walker.y = 2.0  # beyond the lane
     world.run(12.0)
     assert world["car"].x > x + 10.0
+
+
+def test_a_vehicle_returns_to_the_right_only_if_it_can_stay_there() -> None:
+    """At 33 m/s, it reaches its headway of 1.1 s behind a vehicle at 23 m/s, 338.3 m ahead, in 30 s."""
+    assert catches_up(FAST, _neighbour(338.3, 23.0)) == pytest.approx(30.0, abs=1e-3)
+    assert catches_up(FAST, _neighbour(20.0, 34.0)) == catches_up(FAST, None) == math.inf
+    ahead = [_on_motorway("slow", 2, 60.0, 20.0), _on_motorway("car", 1, -60.0, 30.0)]
+    world = KinematicWorld(motorway(), ahead)
+    world["slow"].speed, world["car"].speed = 20.0, 30.0
+    while world["car"].y < world["slow"].y:
+        assert world["car"].offset == 0.0
+        world.step()
+    world.run(15.0)
+    assert world["car"].offset == pytest.approx(-3.6, abs=0.01)
+
+
+def test_two_vehicles_do_not_change_into_the_same_place() -> None:
+    """Side by side in the outer lanes, each behind a truck, with the lane between them free."""
+    plans = [_on_motorway(f"truck.{n}", n, -260.0, 15.0, "truck.box") for n in (0, 2)]
+    plans += [_on_motorway(f"car.{n}", n, -300.0, 25.0) for n in (0, 2)]
+    world = KinematicWorld(motorway(), plans)
+    for car in world.cars:
+        car.speed = 15.0
+    changed: list[str] = []
+    for _ in range(80):
+        world.step()
+        world.find_overlaps()
+        changed += [car.actor.name for car in world.cars if car.offset and car.actor.name not in changed]
+    assert len(changed) == 1
+    assert not world.overlaps
+
+
+def test_a_lane_change_is_aborted_if_the_place_is_taken() -> None:
+    plans = [_on_motorway("truck", 2, -230.0, 15.0, "truck.box"), _on_motorway("car", 2, -300.0, 30.0),
+             _on_motorway("other", 1, -700.0, 25.0)]  # fmt: skip
+    world = KinematicWorld(motorway(), plans)
+    car, other = world["car"], world["other"]
+    world["truck"].speed, car.speed = 15.0, 25.0
+    while car.driver.offset == 0.0:
+        world.step()
+        assert world.seconds < 20.0
+    other.progress, other.speed = car.y + 700.0, car.speed  # beside it
+    other.place()
+    furthest = 0.0
+    for _ in range(50):
+        world.step()
+        furthest = max(furthest, car.offset)
+    assert 0.1 < furthest < 1.3
+    assert car.driver.offset == 0.0 and car.offset == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_vehicle_does_not_slide_sideways() -> None:
+    """In the physics engine: a lane change of at most 1.5 m/s2, with the velocity along the heading."""
+    plans = [_on_motorway("truck", 2, -280.0, 18.0, "truck.box"), _on_motorway("car", 2, -400.0, 30.0)]
+    made = Simulation(ScenePlan(clock=Clock(fps=10, frames=1, physics=240), town=motorway(), actors=tuple(plans)))
+    car = made.agents[1]
+    assert isinstance(car, VehicleAgent)
+    for agent in made.agents:
+        agent.start_moving()
+    sideways, velocity, slip = [0.0], 0.0, 0.0
+    while made.seconds < 12.0:
+        made.advance()
+        if made.step % 24 == 0:
+            sideways.append((car.velocity[0] - velocity) / 0.1)
+            velocity = car.velocity[0]
+            (hx, hy), (vx, vy) = car.heading, car.velocity
+            slip = max(slip, abs(vy * hx - vx * hy) / max(math.hypot(vx, vy), 1.0))
+    assert car.offset > 3.0
+    assert 0.5 < max(map(abs, sideways)) < 1.5
+    assert slip < math.sin(math.radians(1.0))
+    made.close()
