@@ -33,7 +33,7 @@ from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.retexture.texture_light import TextureLight
 from recipe_runtime.render.texture.mipmaps import mip_levels
 
-_SAMPLE_BYTES, _TEXEL_BYTES = 300, 64  # of memory, per sample and per texel
+_SAMPLE_BYTES, _TEXEL_BYTES = 200, 48  # of memory, per sample and per texel
 
 
 class PatchView(TextureView):
