@@ -18,6 +18,7 @@ from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.15, 0.2  # the last two in m/s2
+KEEP_RIGHT_RULE = 0.7  # m/s2, the bias of drivers who keep right by rule
 SAFE_BRAKING = 3.0  # m/s2 that a follower may have to brake at most
 _PAUSE = 4.0  # seconds between two lane changes
 _OVERLAP = 0.2  # metres that a body must be in a lane to count there
@@ -41,6 +42,7 @@ class Own:
     desired: float
     length: float
     style: Style
+    keep_right: float = KEEP_RIGHT  # m/s2, the bias to the right
 
 
 def acceleration(follower: Own | Neighbour, leader: Neighbour | None, gap: float) -> float:
@@ -113,7 +115,7 @@ class LaneChanger:
         nearest = _by_lane(vehicle, neighbours, lanes.width, [self.lane, *options])
         best, wanted = 0.0, self.lane
         for lane, there in zip(options, nearest[1:], strict=True):
-            bias = KEEP_RIGHT if lane < self.lane else -KEEP_RIGHT
+            bias = own.keep_right if lane < self.lane else -own.keep_right
             advantage = gain(own, nearest[0], there) + bias - THRESHOLD
             if advantage > best:
                 best, wanted = advantage, lane
