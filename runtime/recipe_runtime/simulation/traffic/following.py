@@ -3,8 +3,11 @@
 Sources: M. Treiber, A. Hennecke, D. Helbing, "Congested traffic states in empirical observations and microscopic
 simulations", Physical Review E 62 (2000); A. Kesting, M. Treiber, D. Helbing, "Enhanced intelligent driver model to
 access the impact of driving strategies on traffic capacity", Philosophical Transactions of the Royal Society A 368
-(2010), for cut-ins, where the original model brakes harder than needed. Two changes: above the desired speed, braking
-is proportional to the excess, so that a lower speed limit does not cause hard braking; and x / (1 + |x|) replaces tanh.
+(2010), for cut-ins, where the original model brakes harder than needed; W. Schakel, V. Knoop, B. van Arem, "Integrated
+lane change model with relaxation and synchronization", Transportation Research Record 2316 (2012), for IDM+: the
+minimum of free and following acceleration, with which followers keep the desired time gap at every speed. Two changes:
+above the desired speed, braking is proportional to the excess, so that a lower speed limit does not cause hard braking;
+and x / (1 + |x|) replaces tanh.
 """
 
 from __future__ import annotations
@@ -82,7 +85,7 @@ def idm(speed: float, free: float, gap: float, leader_speed: float, style: Style
         return -HARDEST_BRAKING
     wanted = speed * style.headway + speed * (speed - leader_speed) / style.root
     ratio = (standstill + (wanted if wanted > 0.0 else 0.0)) / gap
-    return max(-HARDEST_BRAKING, free - style.acceleration * ratio * ratio)
+    return max(-HARDEST_BRAKING, min(free, style.acceleration * (1.0 - ratio * ratio)))
 
 
 def following_acceleration(

@@ -18,7 +18,7 @@ from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.15, 0.2  # the last two in m/s2
-KEEP_RIGHT_RULE = 0.7  # m/s2, the bias of drivers who keep right by rule
+KEEP_RIGHT_RULE = 1.0  # m/s2, the bias of drivers who keep right by rule
 SAFE_BRAKING = 3.0  # m/s2 that a follower may have to brake at most
 _PAUSE = 4.0  # seconds between two lane changes
 _OVERLAP = 0.2  # metres that a body must be in a lane to count there

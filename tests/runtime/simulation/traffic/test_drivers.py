@@ -43,11 +43,11 @@ def test_the_desired_speed_is_relative_to_the_limit(factor: float) -> None:
 
 @pytest.mark.parametrize("headway", [0.5, 1.1, 2.0])
 def test_followers_keep_the_equilibrium_gap_of_the_model(headway: float) -> None:
-    """Treiber 2000, equation 6: (s0 + v T) / sqrt(1 - (v / v0)^4)."""
+    """The gap of IDM+ behind a leader that is slower than the desired speed: s0 + v T."""
     world = KinematicWorld(scenes.street(), [_car("b", 60.0, 8.0), _car("a", 20.0, 30.0, headway=headway, gap=3.0)])
     world.run(70.0)
     a, b = world["a"], world["b"]
-    expected = (3.0 + 8.0 * headway) / (1.0 - (8.0 / (50 / 3.6)) ** 4) ** 0.5
+    expected = 3.0 + 8.0 * headway
     assert b.progress + 60.0 - 20.0 - a.progress - a.reach - b.reach == pytest.approx(expected, rel=0.02)
 
 
@@ -58,7 +58,7 @@ def test_the_gap_is_kept_at_standstill(gap: float) -> None:
     world = KinematicWorld(scenes.motorway(), [leader, follower])
     world.run(40.0)
     a, b = world["a"], world["b"]
-    assert b.y - a.y - a.reach - b.reach == pytest.approx(gap, abs=0.5)
+    assert b.y - a.y - a.reach - b.reach == pytest.approx(gap, rel=0.1, abs=0.5)
 
 
 def test_who_ignores_vehicles_drives_into_them() -> None:
@@ -116,18 +116,20 @@ def test_without_lane_changes_a_vehicle_stays_behind() -> None:
     assert len(_lanes_used(changes_lanes=True)) > 1
 
 
-def test_who_keeps_right_by_rule_returns_to_the_right_lane() -> None:
-    """Another vehicle far ahead makes the right lane only slightly worse."""
+def test_who_keeps_right_by_rule_accepts_more_for_the_right_lane() -> None:
+    """A vehicle ahead in the right lane is slightly slower."""
 
-    def lane(**driver: Any) -> int:
-        plans = [_on_motorway("b", 2, -200.0, 24.0), _on_motorway("a", 1, -300.0, 25.0, **driver)]
-        world = KinematicWorld(scenes.motorway(), plans)
-        world["a"].speed, world["b"].speed = 25.0, 24.0
+    def rightmost(**driver: Any) -> int:
+        slow, fast = _on_motorway("b", 2, -259.0, 23.5), _on_motorway("a", 1, -300.0, 25.0, **driver)
+        world, lanes = KinematicWorld(scenes.motorway(), [slow, fast]), set()
+        fast_car, slow_car = world["a"], world["b"]
+        fast_car.speed, slow_car.speed = 25.0, 23.5
         for _ in range(100):
             world.step()
-        return round(world["a"].offset / 3.6)
+            lanes.add(round(fast_car.offset / 3.6))
+        return min(lanes)
 
-    assert (lane(keeps_right=False), lane(keeps_right=True)) == (0, -1)
+    assert (rightmost(keeps_right=False), rightmost(keeps_right=True)) == (0, -1)
 
 
 def _hardest(town: TownPlan, plan: ActorPlan, seconds: float) -> tuple[float, KinematicWorld]:
