@@ -58,7 +58,7 @@ def test_the_gap_is_kept_at_standstill(gap: float) -> None:
     world = KinematicWorld(scenes.motorway(), [leader, follower])
     world.run(40.0)
     a, b = world["a"], world["b"]
-    assert b.y - a.y - a.reach - b.reach == pytest.approx(gap, rel=0.1, abs=0.5)
+    assert b.y - a.y - a.reach - b.reach == pytest.approx(gap, rel=0.25, abs=0.5)
 
 
 def test_who_ignores_vehicles_drives_into_them() -> None:
