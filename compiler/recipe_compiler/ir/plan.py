@@ -121,6 +121,19 @@ class Pause(Plan):
     seconds: Annotated[Number, Field(ge=0, le=3600)]
 
 
+class DriverPlan(Plan):
+    """How a vehicle is driven, where it differs from what all vehicles of its kind have in common."""
+
+    limit_factor: Annotated[Number, Field(gt=0, le=10)] = 1.0  # desired speed relative to the speed limit
+    headway: Annotated[Number, Field(gt=0, le=60)] | None = None  # desired time gap, seconds; None: that of its kind
+    gap: Annotated[Number, Field(gt=0, le=1000)] | None = None  # metres kept at standstill; None: those of its kind
+    obeys_signs: bool = True
+    sees_vehicles: bool = True
+    sees_walkers: bool = True
+    keeps_right: bool = False
+    changes_lanes: bool = True
+
+
 class ActorPlan(Plan):
     """One moving body: its blueprint, start pose and route."""
 
@@ -140,6 +153,14 @@ class ActorPlan(Plan):
     entry: Pose | None = None  # a vehicle that reaches its goal leaves, and enters again here when there is room
     pauses: Annotated[tuple[Pause, ...], Field(max_length=MAX_POINTS)] = ()  # in order of their waypoints
     companion: Name | None = None  # the pedestrian that it accompanies; its route is then not used
+    driver: DriverPlan | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_absent_driver(self, own: SerializerFunctionWrapHandler) -> dict[str, object]:
+        document: dict[str, object] = own(self)
+        if self.driver is None:
+            document.pop("driver", None)
+        return document
 
 
 class PropPlan(Plan):

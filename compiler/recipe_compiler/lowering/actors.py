@@ -8,14 +8,14 @@ from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.path_planner import BODY
-from recipe_compiler.ir.plan import ActorPlan, Point, Pose
+from recipe_compiler.ir.plan import ActorPlan, DriverPlan, Point, Pose
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints
 from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import pedestrian_traffic, placement, traffic
+from recipe_compiler.lowering import drivers, pedestrian_traffic, placement, traffic
 from recipe_compiler.lowering.placement import Footprint
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.recipe import Base
@@ -117,7 +117,7 @@ class ActorLowering:
         if actor.start is not None:
             start = Pose(x=actor.start.x, y=actor.start.y, yaw=self._direction(actor.start, blueprint.category))
         assert start is not None
-        speed = blueprint.default_speed if actor.speed is None else actor.speed
+        speed, driver = self._driven(name, actor, blueprint)
         waypoints = actor.route if actor.route is not None else (actor.goal,) if actor.goal is not None else None
         if waypoints is not None:
             route = tuple(Point(x=point.x, y=point.y) for point in waypoints)
@@ -130,7 +130,24 @@ class ActorLowering:
         entry = self._town.streets.entry(start) if waypoints is None and blueprint.category == "vehicle" else None
         plan = self._plan(name, self._instances[name], blueprint, start, route if speed > 0 else (), speed)
         held = actor.start is not None and self._warmup > 0.0
-        return plan.model_copy(update={"held": held, "entry": entry})
+        obeys = not self._happens(name, "lights", actor.driver.ignore_lights_percentage if actor.driver else None)
+        return plan.model_copy(update={"held": held, "entry": entry, "driver": driver, "obeys": obeys})
+
+    def _driven(self, name: str, actor: Actor, blueprint: Blueprint) -> tuple[float, DriverPlan | None]:
+        """Return the speed of a named actor, m/s, and its driver if the recipe describes one."""
+        speed = blueprint.default_speed if actor.speed is None else actor.speed
+        if actor.driver is None:
+            return speed, None
+        if blueprint.category == "pedestrian":
+            message = f"actors.{name}.driver: {blueprint.id} is a pedestrian, who does not drive"
+            place = self._variant.base.place_of("actors", name, "driver")
+            self.problems.append(Problem(message, place, "remove the key", Code.INVALID_VALUE))
+        speed = drivers.given_speed(actor.driver, blueprint, self._town.limit, speed)
+        return speed, drivers.given(actor.driver, DriverPlan(), lambda purpose: self._stream(name, purpose))
+
+    def _happens(self, name: str, purpose: str, percentage: float | None) -> bool:
+        """Draw whether something happens to an actor that has a probability in percent."""
+        return drivers.happens(self._stream(name, purpose), percentage or 0.0)
 
     def _direction(self, start: Start, category: Category) -> float:
         """Return the direction in which a random route sets out, degrees: for a vehicle, that of the lane's traffic."""
@@ -141,9 +158,11 @@ class ActorLowering:
     def _traffic(self, category: Category, index: int) -> ActorPlan | None:
         name = f"traffic.{category}.{index}"
         blueprint = traffic.blueprint(category, self._base.traffic, self._town, self._stream(name, "blueprint"))
-        speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
-        speed *= self._town.pace if category == "vehicle" else 1.0
-        if category == "pedestrian":
+        keys, driver = self._base.traffic.driver, None
+        if category == "vehicle":
+            speed, driver = self._drawn_driver(name, blueprint)
+        else:
+            speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
             pair = self._beside_previous(name, index, blueprint)
             if pair is not None:
                 return pair
@@ -161,11 +180,25 @@ class ActorLowering:
         self._colour(name, blueprint, {})
         block = placement.VEHICLE_NUMBERS if category == "vehicle" else placement.PEDESTRIAN_NUMBERS
         plan = self._plan(name, block + index, blueprint, start, self._route(name, blueprint, start, speed), speed)
-        ignores = self._stream(name, "lights").uniform(0.0, 100.0) < self._base.traffic.ignore_lights_percentage
+        own = None if keys is None or category == "pedestrian" else keys.ignore_lights_percentage
+        percentage = self._base.traffic.ignore_lights_percentage if own is None else own
+        update: dict[str, object] = {"obeys": not self._happens(name, "lights", percentage), "driver": driver}
         if category == "vehicle":
-            return plan.model_copy(update={"obeys": not ignores, "entry": self._town.streets.entry(start)})
+            return plan.model_copy(update={**update, "entry": self._town.streets.entry(start)})
         route, pauses = pedestrian_traffic.with_pauses(start, plan.route, self._stream(name, "pauses"))
-        return plan.model_copy(update={"obeys": not ignores, "route": route, "pauses": pauses})
+        return plan.model_copy(update={**update, "route": route, "pauses": pauses})
+
+    def _drawn_driver(self, name: str, blueprint: Blueprint) -> tuple[float, DriverPlan]:
+        """Return the speed of a vehicle of the traffic, m/s, and its driver."""
+        keys, limit = self._base.traffic.driver, self._town.limit
+
+        def stream(purpose: str) -> Stream:
+            return self._stream(name, purpose)
+
+        speed, driver = drivers.drawn(blueprint, limit, stream)
+        if keys is None:
+            return speed, driver
+        return drivers.given_speed(keys, blueprint, limit, speed), drivers.given(keys, driver, stream)
 
     def _beside_previous(self, name: str, index: int, blueprint: Blueprint) -> ActorPlan | None:
         """The plan of a pedestrian who accompanies the previous one of the traffic; None for all others."""

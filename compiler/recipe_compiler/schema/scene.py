@@ -95,6 +95,31 @@ class Start(GroundPoint):
     ] = None
 
 
+class Driver(Model):
+    """How a vehicle is driven. Names and signs are those of CARLA's Traffic Manager, except `headway`."""
+
+    percentage_speed_difference: Annotated[
+        float | None,
+        bounded(-100, 90, "Percentage by which the desired speed is below the speed limit; negative: above it."),
+    ] = None
+    distance_to_leading_vehicle: Annotated[
+        float | None, bounded(0.5, 100, "Metres to the vehicle ahead at standstill.")
+    ] = None
+    headway: Annotated[float | None, bounded(0.3, 10, "Seconds to the vehicle ahead in motion.")] = None
+    ignore_lights_percentage: Annotated[
+        Percent | None, Field(description="Probability of ignoring traffic lights. Default: that of the traffic, or 0.")
+    ] = None
+    ignore_signs_percentage: Annotated[Percent, Field(description="Probability of ignoring stop and yield signs.")] = (
+        0.0
+    )
+    ignore_vehicles_percentage: Annotated[Percent, Field(description="Probability of ignoring other vehicles.")] = 0.0
+    ignore_walkers_percentage: Annotated[Percent, Field(description="Probability of ignoring pedestrians.")] = 0.0
+    keep_right_rule_percentage: Annotated[
+        Percent, Field(description="Probability of returning to the right lane when it is free.")
+    ] = 0.0
+    auto_lane_change: Annotated[bool, Field(description="Whether it changes lanes.")] = True
+
+
 class Actor(Model):
     """A pedestrian or a vehicle."""
 
@@ -122,12 +147,22 @@ class Actor(Model):
     look: Annotated[
         dict[str, Colour], Field(description='Colours by slot, such as `{shirt: "#aa0000"}`. Default: random colours.')
     ] = {}
+    driver: Annotated[Driver | None, Field(description="How a vehicle is driven.")] = None
 
     @model_validator(mode="after")
     def _one_way(self) -> Actor:
         if self.goal and self.route:
             raise PydanticCustomError(
                 "way", "`goal` is given too; keep one of the two, and end a route at the goal", {"key": "route"}
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_speed(self) -> Actor:
+        driver = self.driver
+        if self.speed is not None and driver is not None and driver.percentage_speed_difference is not None:
+            raise PydanticCustomError(
+                "speed", "`driver.percentage_speed_difference` is given too; keep one of the two", {"key": "speed"}
             )
         return self
 
@@ -161,6 +196,10 @@ class Traffic(Model):
     ignore_lights_percentage: Annotated[
         Percent, Field(description="Percentage of the traffic that ignores traffic lights.")
     ] = 0.0
+    driver: Annotated[
+        Driver | None,
+        Field(description="How all vehicles of the traffic are driven. Default: speeds and headways are drawn."),
+    ] = None
 
     @model_validator(mode="after")
     def _one_number(self) -> Traffic:

@@ -115,7 +115,7 @@ def build(seed: int, *, lanes: int, length: int, gantries: int) -> Town:
             _limit(site, road, f"{heading}.{n}", heading, 20.0 - road.half + 300.0 * n)
     _beside(site, road)
     _distance(site, road)
-    return Town(site.plan(), site.looks, tuple(_spawn_points(road)), road, pace=2.7, barred=("vehicle.bicycle",))
+    return Town(site.plan(), site.looks, tuple(_spawn_points(road)), road, barred=("vehicle.bicycle",))
 
 
 def _heading(road: Motorway, yaw: int, along: float, x: float) -> Pose:

@@ -89,8 +89,12 @@ class Town:
     spawn_points: tuple[SpawnPoint, ...]
     streets: Ways
     parking: tuple[Pose, ...] = ()  # parking places, each with the yaw of a car parked there
-    pace: float = 1.0  # factor on the default speed of vehicles in traffic
     barred: tuple[str, ...] = ()  # prefixes of blueprint ids that traffic must not use here
+
+    @cached_property
+    def limit(self) -> float:
+        """The highest speed limit of its roads, m/s."""
+        return max(element.shape["limit"] for element in self.plan.elements if "limit" in element.shape) / 3.6
 
     @cached_property
     def spots(self) -> dict[Category, tuple[Pose, ...]]:

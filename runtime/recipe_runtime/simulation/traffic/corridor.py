@@ -21,6 +21,7 @@ _PERSON = 0.55  # metres on both sides of a pedestrian
 _LAG = 1.0  # metres by which steering may be late
 _FORESIGHT = 2.5  # seconds for which the motion of a pedestrian on the road is predicted
 _STEP = 1.2  # likewise for a pedestrian about to step onto the road
+_SOON = 0.8  # seconds before a pedestrian on the road enters the corridor from which a vehicle brakes hard
 _ROADSIDE = 6.0  # metres beside a corridor within which pedestrians are considered
 _BEFORE_CROSSING, _PACE = 1.2, 1.6  # metres to stop before the middle of a crossing; m/s of a crossing pedestrian
 _KIND = 2.5  # m/s2, maximum braking for a pedestrian who is not yet on the road
@@ -165,9 +166,11 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
         distance, approach = (to_right, across) if to_right > 0.0 else (to_left, -across)
         if approach < 0.2 or distance > _FORESIGHT * approach:
             return None
-        if distance > _STEP * approach and not c.roads.paved(body.x, body.y):
+        beside = not c.roads.paved(body.x, body.y)
+        if beside and distance > _STEP * approach:
             return None
-        if c.speed * c.speed > 2.0 * _KIND * max(gap, 0.1) and distance > 0.3 and not c.roads.paved(body.x, body.y):
+        late = c.speed * c.speed > 2.0 * _KIND * max(gap, 0.1)  # for a comfortable stop
+        if late and distance > 0.3 and (beside or distance > _SOON * approach):
             return None
         passed = (gap + 2.0 * c.reach + 1.0) / max(c.speed, 0.5)
         if passed < distance / approach:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.ir.plan import ActorPlan, DriverPlan
 
 from recipe_runtime.body.skeleton import BICYCLE
 from recipe_runtime.simulation.path import Path
@@ -22,11 +22,12 @@ from recipe_runtime.simulation.traffic.following import (
     HARDEST_BRAKING,
     following_acceleration,
     free_acceleration,
+    stopping_acceleration,
     stopping_distance,
     style_of,
 )
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
-from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
+from recipe_runtime.simulation.traffic.lane_change import KEEP_RIGHT, KEEP_RIGHT_RULE, LaneChanger, Own
 from recipe_runtime.simulation.traffic.lateral import Lateral
 from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
 from recipe_runtime.simulation.traffic.passage import Passage
@@ -37,13 +38,16 @@ from recipe_runtime.simulation.traffic.standing_props import PropsNearby, Standi
 
 _LATERAL, _EARLY_BRAKING = 1.4, 1.2  # m/s2: lateral acceleration in bends, and braking before lower speed limits
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
+_BEFORE_LINE = 1.5  # metres before the waiting position from which vehicles in the junction matter
 _AT_LINE = 0.7  # metres between the front and the waiting position
-_FIRM = 4.0  # m/s2, maximum braking to stop at the waiting position instead of at the painted line behind it
+_FIRM = 2.4  # m/s2, maximum braking to stop at the waiting position instead of at the painted line behind it
+_LATE = 4.0  # m/s2, maximum braking to keep the distance from which a stationary obstacle can be passed
 _SLACK = 0.5  # metres by which queues may be longer than necessary
 _RETURN = 6.0  # additional gap to an oncoming overtaking vehicle, metres, so that it can return to its lane
 _PASSING = 1.5  # m/s from which a crossing vehicle is expected to clear the way
 _PULL_OUT = 11.0  # additional gap behind a stationary obstacle, metres, from which a vehicle can pass it
 _LONG = 3.2  # half length, metres, from which the tail swing of the body is considered
+_SWING = 15.0  # metres, the sum of both axes, within which it is considered for pedestrians
 _IDLE_TICKS = 20  # decisions to accelerate without moving after which it is stalled, for example by a crash
 _LANE_TICKS = 8  # decisions between two checks of other lanes
 
@@ -61,6 +65,8 @@ class Driver:
 
     Attributes:
         style: Its parameters of car following.
+        obeys_signs: Whether it obeys stop and yield signs.
+        sees_vehicles: Whether it reacts to other vehicles.
         passage: Its state at the junctions on its path.
         lateral: The vehicle's lateral motion.
         desired: Its desired speed on a free road, m/s.
@@ -72,7 +78,9 @@ class Driver:
     def __init__(
         self, actor: ActorPlan, road_map: RoadMap, junctions: JunctionControl, props: Sequence[StandingProp] = ()
     ) -> None:
-        self.actor, self.style = actor, style_of(actor.shape)
+        plan = actor.driver or DriverPlan()
+        self.actor, self.style, self._plan = actor, style_of(actor.shape, actor.driver), plan
+        self.obeys_signs, self.sees_vehicles = plan.obeys_signs, plan.sees_vehicles
         self.base_offset = _BICYCLE_OFFSET if int(actor.shape["body"]) == BICYCLE else 0.0
         self.passage = Passage(extent=math.inf if actor.route else 0.0)
         self.lateral = Lateral(actor.shape, self.base_offset, street=True)
@@ -125,6 +133,8 @@ class Driver:
         if self.actor.speed <= 0.0 or not vehicle.path.legs or (self.actor.held and seconds < 0.0):
             self.waiting, self.stalled, self.passage.extent = False, True, 0.0
             return Command(-2.0 if vehicle.speed > 0.0 else 0.0)
+        if not (self._plan.sees_vehicles and self._plan.sees_walkers):
+            neighbours = [body for body in neighbours if self._sees(body)]
         if self._props is not None:
             neighbours = [*neighbours, *self._props.near(vehicle.x, vehicle.y, self.horizon)]
         speed, style = vehicle.speed, self.style
@@ -133,7 +143,7 @@ class Driver:
         line = self._distance_to_line(vehicle)
         ahead = self._corridor(vehicle, line)
         found = corridor.obstacles(ahead, neighbours)
-        if vehicle.reach > _LONG:
+        if self.passage.inside:
             found += self._swung_at(vehicle, neighbours, found)
         wish = min(free, self._before_line(vehicle, line, free), self._before_goal(vehicle, free))
         nearest: Obstacle | None = None
@@ -141,9 +151,15 @@ class Driver:
             if nearest is None or obstacle.gap < nearest.gap:
                 nearest = obstacle
             gap = obstacle.gap - self._spare(vehicle, obstacle)
-            standstill = style.gap + (0.5 if obstacle.person else 0.0)
-            if obstacle.along < -0.5 and not self.overtakes:
-                standstill += _RETURN
+            if obstacle.person:
+                wish = min(wish, stopping_acceleration(speed, free, gap, obstacle.speed, style, style.gap + 0.5))
+                continue
+            if _is_inside(obstacle.body) and obstacle.along < 0.3:  # it will clear the way
+                if obstacle.gap < line - _BEFORE_LINE:
+                    ahead_speed = max(0.0, obstacle.speed)
+                    wish = min(wish, stopping_acceleration(speed, free, gap, ahead_speed, style, style.gap))
+                continue
+            standstill = style.gap + (_RETURN if obstacle.along < -0.5 and not self.overtakes else 0.0)
             wish = min(wish, following_acceleration(speed, free, gap, obstacle.speed, style, standstill))
         self._idle = self._idle + 1 if speed < 0.1 and wish > 0.2 else 0
         self.stalled = self._idle > _IDLE_TICKS or self.arrived(vehicle)
@@ -158,13 +174,20 @@ class Driver:
         situation.overtakes = self._lanes is None and self.offset > self.base_offset + 0.3
         return self._reversing.decide(vehicle, neighbours, situation, seconds)
 
+    def _sees(self, body: Body) -> bool:
+        """Return whether it reacts to another agent."""
+        return self._plan.sees_walkers if body.actor.category == "pedestrian" else self._plan.sees_vehicles
+
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""
         path = self._path = vehicle.path
         self._overtaking = Overtaking(self._junctions)
         if path.legs:
             goal = self.actor.entry is None
-            self._profile = speed_profile(path, self._map, lateral=_LATERAL, braking=_EARLY_BRAKING, goal=goal)
+            factor = self._plan.limit_factor
+            self._profile = speed_profile(
+                path, self._map, lateral=_LATERAL, braking=_EARLY_BRAKING, goal=goal, factor=factor
+            )
             self._lanes = self._map.lanes(*path.at(0.0))
         self.lateral = Lateral(self.actor.shape, self.lane_offset, street=self._lanes is None)
         fastest = min(self.actor.speed, max(self._profile, default=0.0))
@@ -183,7 +206,7 @@ class Driver:
         painted = crossing.entry - vehicle.progress - vehicle.reach
         hold = painted - self._junctions.setback(crossing)
         needed = stopping_distance(vehicle.speed, _FIRM)
-        return hold if hold > needed - 0.3 else max(hold, min(painted, needed + _AT_LINE))
+        return hold if hold > needed + 0.3 else max(hold, min(painted, needed + _AT_LINE))
 
     def _before_line(self, vehicle: Vehicle, line: float, free: float) -> float:
         """Return the acceleration that stops at the line."""
@@ -191,7 +214,7 @@ class Driver:
             return free
         if line <= _AT_LINE:  # beyond the waiting position, but not over the painted line
             return -3.0 if vehicle.speed > 0.0 else 0.0
-        return following_acceleration(vehicle.speed, free, line, 0.0, self.style, _AT_LINE)
+        return stopping_acceleration(vehicle.speed, free, line, 0.0, self.style, _AT_LINE)
 
     def _before_goal(self, vehicle: Vehicle, free: float) -> float:
         """Return the acceleration that stops at the end of the path, if the vehicle stays there."""
@@ -200,7 +223,7 @@ class Driver:
             return free
         if left < 0.5:
             return -3.0 if vehicle.speed > 0.0 else 0.0
-        return following_acceleration(vehicle.speed, free, left, 0.0, self.style, 0.5)
+        return stopping_acceleration(vehicle.speed, free, left, 0.0, self.style, 0.5)
 
     def _corridor(self, vehicle: Vehicle, line: float) -> Corridor:
         """Return the strip ahead in which obstacles are considered."""
@@ -214,28 +237,27 @@ class Driver:
         return Corridor.of(vehicle, min(length, self.horizon - 5.0), self.offset, self._map)
 
     def _swung_at(self, vehicle: Vehicle, neighbours: Sequence[Body], found: list[Obstacle]) -> list[Obstacle]:
-        """Return the vehicles that the swinging tail of a long body would touch in its current junction."""
+        """Return the agents that the body would touch where it swings out of its corridor in its current junction."""
         passage = self.passage
-        if not passage.inside:
-            return []
         crossing = passage.crossings[passage.left]
         junction = self._map.junctions[crossing.junction]
         known = [obstacle.body for obstacle in found]
-        more = []
+        after, long, more = vehicle.progress - crossing.entry, vehicle.reach > _LONG, []
         for body in neighbours:
-            if body.actor.category == "pedestrian" or any(body is other for other in known):
+            person = body.actor.category == "pedestrian"
+            far = person and abs(body.x - vehicle.x) + abs(body.y - vehicle.y) > _SWING
+            if far or not (person or long) or any(body is other for other in known):
                 continue
-            after = vehicle.progress - crossing.entry
             contact = crossing.movement.first_touch(body, (junction.x, junction.y), after + 1.0)
             if contact is not None:
-                more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, 0.0, False))
+                more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, 0.0, person))
         return more
 
     def _spare(self, vehicle: Vehicle, obstacle: Obstacle) -> float:
         """Return the additional gap to keep to an obstacle, metres: enough to pull out behind a stalled one."""
         if obstacle.person or self._lanes is not None or abs(obstacle.speed) > 0.2 or not is_stalled(obstacle.body):
             return 0.0
-        room = obstacle.gap - self.style.gap - stopping_distance(vehicle.speed, _FIRM)
+        room = obstacle.gap - self.style.gap - stopping_distance(vehicle.speed, _LATE)
         return max(0.0, min(_PULL_OUT, room))
 
     def _note_room(self, vehicle: Vehicle, found: Sequence[Obstacle], line: float) -> None:
@@ -260,9 +282,15 @@ class Driver:
         """Choose a lane, or overtake."""
         self._ticks += 1
         if self._lanes is not None:
-            if self._ticks % _LANE_TICKS == 0:
-                own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style)
+            if self._ticks % _LANE_TICKS == 0 and self._plan.changes_lanes:
+                bias = KEEP_RIGHT_RULE if self._plan.keeps_right else KEEP_RIGHT
+                own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style, bias)
                 self.lateral.move_to(self._changer.decide(vehicle, own, self._lanes, neighbours, seconds))
             return
         shift = self._overtaking.decide(vehicle, neighbours, nearest, self._map)
         self.lateral.move_to(self.base_offset if shift is None else shift)
+
+
+def _is_inside(body: Body) -> bool:
+    """Return whether a body is a vehicle in a junction."""
+    return is_vehicle(body) and body.driver.passage.inside

@@ -32,7 +32,7 @@ from recipe_runtime.simulation.traffic.swept_path import MARGIN, Movement, Overl
 PATIENCE, PATIENCE_AT_LIGHTS = 20.0, 12.0  # seconds of waiting, while the light is not red, until others yield
 _IN_SIGHT = 60.0  # metres before the stop line within which vehicles count as approaching
 EMERGING = 90.0  # metres before it within which overtaking and leaving the junction are mutually exclusive
-_COMFORTABLE, _FIRM = 2.0, 3.0  # m/s2
+_COMFORTABLE, _FIRM = 2.0, 2.5  # m/s2
 _GIVES_UP = 2.0  # seconds that a vehicle with permission may stand before the line
 _SAFETY = 0.7  # seconds between two vehicles at the same point
 _LANE = (0.3, 2.7)  # metres to the right of a road's axis that a waiting vehicle covers
@@ -216,8 +216,10 @@ class JunctionControl:
             if shown == "amber" and a.distance > stopping_distance(a.vehicle.speed, _FIRM):
                 return "light"
         control = self.road_map.junctions[a.crossing.junction].arms[a.crossing.arm].control
-        if control == "stop" and not a.passage.stopped:
+        if control == "stop" and a.vehicle.driver.obeys_signs and not a.passage.stopped:
             return "sign"
+        if not a.vehicle.driver.sees_vehicles:
+            return ""
         if not a.passage.has_room(a.vehicle):
             return "room"
         if _opposite(a.crossing.exit) in self._overtaken[a.crossing.junction]:
@@ -290,6 +292,8 @@ class JunctionControl:
     def _rank(self, a: _Approach, seconds: float) -> int:
         """Return 2 for a priority road or a green light, 1 without signs, 0 for a stop or yield sign or a red light."""
         control = self.road_map.junctions[a.crossing.junction].arms[a.crossing.arm].control
+        if control in ("stop", "yield") and not a.vehicle.driver.obeys_signs:
+            return 2
         if control == "light":
             return 2 if self._light(a, seconds) == "green" else 0
         return {"priority": 2, "none": 1, "stop": 0, "yield": 0}[control]

@@ -18,6 +18,7 @@ from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.4, 0.45  # the last two in m/s2
+KEEP_RIGHT_RULE = 1.0  # m/s2, the bias of drivers who keep right by rule
 SAFE_BRAKING = 3.0  # m/s2, hardest braking because of a lane change
 _ABORTED, _NEAR = 4.5, 0.5  # m/s2 and metres: harder braking, or a smaller gap, aborts it
 _COMMITTED = 0.15  # widths of a lane after which it goes on in any case
@@ -45,6 +46,7 @@ class Own:
     desired: float
     length: float
     style: Style
+    keep_right: float = KEEP_RIGHT  # m/s2, the bias to the right
 
 
 def acceleration(follower: Own | Neighbour, leader: Neighbour | None, gap: float) -> float:
@@ -150,7 +152,7 @@ class LaneChanger:
         for lane, there in zip(options, nearest[1:], strict=True):
             if lane < self.lane and catches_up(own, there[0]) < _STAY:
                 continue
-            bias = KEEP_RIGHT if lane < self.lane else -KEEP_RIGHT
+            bias = own.keep_right if lane < self.lane else -own.keep_right
             advantage = gain(own, nearest[0], there, left=lane > self.lane) + bias - THRESHOLD
             if advantage > best:
                 best, wanted = advantage, lane

@@ -238,7 +238,9 @@ def _numbers(value: float, count: int) -> array[float]:
     return array("d", (value,)) * count
 
 
-def speed_profile(path: Path, road_map: RoadMap, *, lateral: float, braking: float, goal: bool) -> Sequence[float]:
+def speed_profile(
+    path: Path, road_map: RoadMap, *, lateral: float, braking: float, goal: bool, factor: float = 1.0
+) -> Sequence[float]:
     """Return the maximum speed at each whole metre of a path, m/s, from which all later limits can be met.
 
     Args:
@@ -247,12 +249,14 @@ def speed_profile(path: Path, road_map: RoadMap, *, lateral: float, braking: flo
         lateral: The greatest lateral acceleration in bends, m/s2.
         braking: The braking before lower limits, m/s2.
         goal: Whether the path ends in a stop.
+        factor: The driver's desired speed relative to the limit.
     """
     count = int(path.length) + 2
     speeds, limit, known = _numbers(60.0, count), 60.0, 0  # one for each metre, so no list
     for n in range(0, count, 2):
         at = road_map.limit(*path.at(float(n)))
         if at is not None:
+            at *= factor
             if not known:
                 speeds[:n] = _numbers(at, n)
             limit, known = at, 1

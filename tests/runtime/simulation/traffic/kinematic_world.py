@@ -247,7 +247,8 @@ def town_traffic(
             spot = spots.pop(stream.integer(0, len(spots) - 1))
             found = [b for b in blueprints.match(glob) if not b.id.startswith(town.barred)]
             blueprint = stream.choice(found)
-            speed = blueprint.default_speed * stream.uniform(0.85, 1.15) * (town.pace if category == "vehicle" else 1)
+            speed = blueprint.default_speed * stream.uniform(0.85, 1.15)
+            speed *= 2.7 if name == "highway" and category == "vehicle" else 1.0
             route = town.route(category, spot, speed * seconds * 1.1 + 50.0, stream)
             entry = None
             if name == "highway" and category == "vehicle":
