@@ -18,7 +18,7 @@ from tests.soak.tracks import Array, Tracks
 LATERAL, ENTRY, HARD = 2.0, 3.0, 5.0  # m/s2
 CHANGES = (0.2, 0.6)  # lane changes per vehicle-km
 HEADWAY = (1.2, 2.5)  # seconds, the median
-ABOVE = (0.05, 0.6)  # share of the steady free speeds that are above the limit
+ABOVE = (0.03, 0.6)  # share of the steady free speeds that are above the limit
 _SMOOTH = 0.3  # seconds over which accelerations across are averaged
 _ENTERED = 5.0  # seconds after an entry
 _BRAKES, _ONSET = 1.0, 3.0  # m/s2 that count as braking; seconds before a peak in which its begin is searched

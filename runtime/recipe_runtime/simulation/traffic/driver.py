@@ -27,7 +27,7 @@ from recipe_runtime.simulation.traffic.following import (
     style_of,
 )
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
-from recipe_runtime.simulation.traffic.lane_change import KEEP_RIGHT, KEEP_RIGHT_RULE, LaneChanger, Own
+from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
 from recipe_runtime.simulation.traffic.lateral import Lateral
 from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
 from recipe_runtime.simulation.traffic.passage import Passage
@@ -283,8 +283,7 @@ class Driver:
         self._ticks += 1
         if self._lanes is not None:
             if self._ticks % _LANE_TICKS == 0 and self._plan.changes_lanes:
-                bias = KEEP_RIGHT_RULE if self._plan.keeps_right else KEEP_RIGHT
-                own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style, bias)
+                own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style, self._plan.keeps_right)
                 self.lateral.move_to(self._changer.decide(vehicle, own, self._lanes, neighbours, seconds))
             return
         shift = self._overtaking.decide(vehicle, neighbours, nearest, self._map)

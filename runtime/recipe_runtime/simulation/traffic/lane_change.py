@@ -18,13 +18,13 @@ from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.4, 0.45  # the last two in m/s2
-KEEP_RIGHT_RULE = 1.0  # m/s2, the bias of drivers who keep right by rule
 SAFE_BRAKING = 3.0  # m/s2, hardest braking because of a lane change
 _ABORTED, _NEAR = 4.5, 0.5  # m/s2 and metres: harder braking, or a smaller gap, aborts it
 _COMMITTED = 0.15  # widths of a lane after which it goes on in any case
 _PAUSE = 8.0  # seconds between two lane changes
 _CHECKS = 3  # consecutive decisions in which a lane must be better
 _STAY = 30.0  # seconds that a vehicle must be able to stay in a lane to its right at its desired speed
+_KEEP_RIGHT_RULE, _STAY_RULE = 1.0, 10.0  # m/s2 and seconds: the same of drivers who keep right by rule
 _OVERLAP = 0.2  # metres that a body must be in a lane to count there
 
 
@@ -46,7 +46,7 @@ class Own:
     desired: float
     length: float
     style: Style
-    keep_right: float = KEEP_RIGHT  # m/s2, the bias to the right
+    keeps_right: bool = False  # by rule
 
 
 def acceleration(follower: Own | Neighbour, leader: Neighbour | None, gap: float) -> float:
@@ -148,11 +148,12 @@ class LaneChanger:
             return target
         options = [self.lane + step for step in (-1, 1) if -lanes.right <= self.lane + step <= lanes.left]
         nearest = _by_lane(vehicle, neighbours, lanes.width, [self.lane, *options])
+        keep_right, stay = (_KEEP_RIGHT_RULE, _STAY_RULE) if own.keeps_right else (KEEP_RIGHT, _STAY)
         best, wanted = 0.0, self.lane
         for lane, there in zip(options, nearest[1:], strict=True):
-            if lane < self.lane and catches_up(own, there[0]) < _STAY:
+            if lane < self.lane and catches_up(own, there[0]) < stay:
                 continue
-            bias = own.keep_right if lane < self.lane else -own.keep_right
+            bias = keep_right if lane < self.lane else -keep_right
             advantage = gain(own, nearest[0], there, left=lane > self.lane) + bias - THRESHOLD
             if advantage > best:
                 best, wanted = advantage, lane
