@@ -120,7 +120,7 @@ def test_who_keeps_right_by_rule_accepts_more_for_the_right_lane() -> None:
     """A vehicle ahead in the right lane is slightly slower."""
 
     def rightmost(**driver: Any) -> int:
-        slow, fast = _on_motorway("b", 2, -254.0, 23.5), _on_motorway("a", 1, -300.0, 25.0, **driver)
+        slow, fast = _on_motorway("b", 2, -246.0, 23.5), _on_motorway("a", 1, -300.0, 25.0, **driver)
         world, lanes = KinematicWorld(scenes.motorway(), [slow, fast]), set()
         fast_car, slow_car = world["a"], world["b"]
         fast_car.speed, slow_car.speed = 25.0, 23.5
