@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch.nn import functional
 
-from examples.attacks.ssd import PhotographDetector
+from examples.attacks.detector import Detector
 from examples.attacks.views import View
 
 RATE = 0.05  # of Adam
@@ -25,7 +25,7 @@ class Goal:
         label: What: a label of the detector.
     """
 
-    detector: PhotographDetector
+    detector: Detector
     boxes: torch.Tensor
     label: int
 

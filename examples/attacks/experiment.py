@@ -16,9 +16,8 @@ from recipe_runtime.scenario import Scenario, Scenes
 from recipe_runtime.torch import Place, SceneView
 
 from examples.attacks.attack import Bounds, Goal, gradient, optimise, scores
-from examples.attacks.detector_file import detector_file
-from examples.attacks.network import TfliteNetwork
-from examples.attacks.ssd import PERSON, PhotographDetector
+from examples.attacks.detectors import opened
+from examples.attacks.ssd import PERSON
 from examples.attacks.views import DigitalView, FalseGradientView, View, patch_box, patch_record
 
 RECIPES = Path(__file__).parents[2] / "recipes" / "attacks"
@@ -75,7 +74,7 @@ class Experiment:
         self._plan = compiled(RECIPES / "creation.yaml")
         scenes = Scenes()
         self._scenarios = {plan.variant: Scenario(plan, scenes) for plan in self._plan.variants}
-        self._detector = PhotographDetector(TfliteNetwork(detector_file())).eval()
+        self._detector = opened("SSD")
         self._record, self._views = cache(self._truth), cache(self._view)
         self.test = self._places((*MANY, *HELD_OUT), _TEST_RUNS, _TEST_FRAMES)
 
