@@ -13,13 +13,13 @@ from PIL import Image
 from recipe_runtime.attacks.truth import PatchRecord
 from recipe_runtime.loading import compiled
 from recipe_runtime.scenario import Scenario, Scenes
-from recipe_runtime.torch import Place, SceneView
+from recipe_runtime.torch import Place
 
 from examples.attacks.attack import Bounds, Goal, gradient, optimise, scores
 from examples.attacks.augmentation import THYS, WIDE, Augmentation
 from examples.attacks.detector import Detector
 from examples.attacks.detectors import DETECTORS, opened
-from examples.attacks.views import DigitalView, FalseGradientView, View, patch_box, patch_record
+from examples.attacks.views import DigitalView, FalseGradientView, RenderedView, View, patch_box, patch_record
 
 RECIPES = Path(__file__).parents[2] / "recipes" / "attacks"
 SCENES = {"wall": "creation.yaml", "garage": "creation_garage.yaml", "kiosk": "creation_kiosk.yaml"}
@@ -86,9 +86,9 @@ class Scene:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._plan = compiled(RECIPES / SCENES[name])
         shared = Scenes()
-        self._scenarios = {plan.variant: Scenario(plan, shared) for plan in self._plan.variants}
+        plans = compiled(RECIPES / SCENES[name]).variants
+        self._scenarios = {plan.variant: Scenario(plan, shared) for plan in plans}
         self.view = cache(self._view)
         half = _RUNS // 2
         self._seen, self._unseen = self._moments(range(half)), self._moments(range(half, _RUNS))
@@ -105,12 +105,12 @@ class Scene:
 
     def _view(self, insertion: str, frames: tuple[Place, ...]) -> View:
         if insertion == "rendered":
-            return SceneView(self._plan, PATCH, frames)
+            return RenderedView(self._scenarios, PATCH, frames, SIZE)
         if insertion == "digital":
             return DigitalView(self._scenarios, PATCH, frames)
-        rendered = self.view("rendered", frames)
-        assert isinstance(rendered, SceneView)
-        return FalseGradientView(rendered, self.view("digital", frames))
+        rendered, warped = self.view("rendered", frames), self.view("digital", frames)
+        assert isinstance(warped, DigitalView)
+        return FalseGradientView(rendered, warped)
 
     def _moments(self, runs: Sequence[int]) -> list[str]:
         """Return the endings of the names of runs that show the poster."""

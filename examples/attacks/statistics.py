@@ -89,18 +89,16 @@ def _resampled(found: Values, draws: int) -> Values:
     """Return the means [draws] of resampled trials; the same units are drawn for all arrays of one shape."""
     scenes, seeds, moments, weathers = found.shape
     generator = np.random.default_rng(1)
-    means = np.empty(draws)
-    for draw in range(draws):
-        weights = _counts(generator, weathers)
-        by_scene = _counts(generator, scenes)
-        total = 0.0
-        for scene in range(scenes):
-            seeded, seen = _counts(generator, seeds), _counts(generator, moments)
-            total += by_scene[scene] * float(seeded @ (found[scene] @ weights) @ seen)
-        means[draw] = total / (scenes * seeds * moments * weathers)
-    return means
+    by_scene, by_weather = _counts(generator, (draws,), scenes), _counts(generator, (draws,), weathers)
+    by_seed, by_moment = (_counts(generator, (draws, scenes), size) for size in (seeds, moments))
+    total = np.zeros(draws)
+    for scene in range(scenes):
+        seen = np.tensordot(found[scene], by_weather, axes=([2], [1]))  # [seeds, moments, draws]
+        drawn = np.einsum("kmd,dk,dm->d", seen, by_seed[:, scene], by_moment[:, scene])
+        total += by_scene[:, scene] * drawn
+    return total / found.size
 
 
-def _counts(generator: np.random.Generator, size: int) -> Values:
-    """Return how often each of `size` units is drawn in `size` draws; a single unit is always drawn."""
-    return np.bincount(generator.integers(0, size, size), minlength=size).astype(np.float64)
+def _counts(generator: np.random.Generator, shape: tuple[int, ...], size: int) -> Values:
+    """Return how often each of `size` units is drawn in `size` draws: [..., size]."""
+    return generator.multinomial(size, [1 / size] * size, shape).astype(np.float64)
