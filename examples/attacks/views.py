@@ -56,7 +56,8 @@ class DigitalView:
 class RenderedView:
     """Rendered frames, as `SceneView` has them, without the renderers: hundreds of frames fit into memory.
 
-    The linear map from texture to picture is kept, and its values are rounded where a build rounds.
+    The linear map from texture to picture is kept, and its values are rounded where a build rounds: of 10,000 pixels,
+    one may differ by one level.
 
     Args:
         scenarios: The variants by name. They are closed, and open themselves again when needed.

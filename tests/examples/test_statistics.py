@@ -19,7 +19,7 @@ from examples.attacks.statistics import difference, success, wilson
 )
 def test_wilsons_interval(rate: float, count: int, low: float, high: float) -> None:
     found = wilson(rate, count)
-    assert (found.value, found.low, found.high) == (rate, pytest.approx(low, abs=1e-4), pytest.approx(high, abs=1e-4))
+    assert [found.value, found.low, found.high] == pytest.approx([rate, low, high], abs=1e-4)
 
 
 def test_equal_weathers_of_a_moment_are_one_trial() -> None:
