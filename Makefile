@@ -97,9 +97,10 @@ test-torch: install-dev  ## the PyTorch dataset, `SceneView` and the attack with
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'adversarial-robustness-toolbox==1.20.1' 'tflite==2.18.0'
 	$(BIN)/python -m pytest -q -m torch
 
-test-detector: install-dev  ## the detector of the attack study, compared with TensorFlow Lite (installs both and PyTorch)
+test-detector: install-dev  ## the attack study's detectors, compared with TensorFlow Lite and TensorFlow.js (installs them and PyTorch; needs npm)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0' 'ai-edge-litert==2.3.0'
-	$(BIN)/python -m pytest -q -m detector
+	npm install --silent --ignore-scripts --prefix $(VENV)/tfjs '@tensorflow/tfjs@4.22.0'
+	NODE_PATH=$(VENV)/tfjs/node_modules $(BIN)/python -m pytest -q -m detector
 
 test-trackeval: install-dev  ## TrackEval's scores of exported layouts (installs TrackEval)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'trackeval==1.3.0' 'tabulate==0.10.0'

@@ -53,7 +53,7 @@ class TfliteNetwork(torch.nn.Module):
         return tuple(values[k] for k in self._outputs)
 
 
-class _Convolution(torch.nn.Module):
+class Convolution(torch.nn.Module):
     """A convolution with TensorFlow's padding "same", and its activation.
 
     Args:
@@ -61,24 +61,27 @@ class _Convolution(torch.nn.Module):
         bias: [out].
         stride: In both directions.
         depthwise: Whether each channel is filtered by itself.
-        clipped: Whether ReLU6 follows.
+        limit: Values are clipped to 0 to this: 6 for ReLU6, infinity for ReLU. None: they are not.
     """
 
     _kernel: torch.Tensor
     _bias: torch.Tensor
 
-    def __init__(self, kernel: torch.Tensor, bias: torch.Tensor, stride: int, depthwise: bool, clipped: bool) -> None:
+    def __init__(
+        self, kernel: torch.Tensor, bias: torch.Tensor, stride: int, depthwise: bool, limit: float | None
+    ) -> None:
         super().__init__()
         self.register_buffer("_kernel", kernel.permute((3, 0, 1, 2) if depthwise else (0, 3, 1, 2)).contiguous())
         self.register_buffer("_bias", bias)
-        self._stride, self._groups, self._clipped = stride, len(bias) if depthwise else 1, clipped
+        self._stride, self._groups, self._limit = stride, len(bias) if depthwise else 1, limit
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
+        """Return the filtered values [n, height, width, out] of values [n, height, width, in]."""
         columns = _same_padding(values.shape[2], self._kernel.shape[3], self._stride)
         rows = _same_padding(values.shape[1], self._kernel.shape[2], self._stride)
         padded = functional.pad(values.permute(0, 3, 1, 2), (*columns, *rows))
         found = functional.conv2d(padded, self._kernel, self._bias, self._stride, groups=self._groups)
-        return (functional.relu6(found) if self._clipped else found).permute(0, 2, 3, 1)
+        return (found if self._limit is None else found.clamp(0, self._limit)).permute(0, 2, 3, 1)
 
 
 class _Addition(torch.nn.Module):
@@ -107,7 +110,7 @@ def _layer(kind: int, options: Any, constants: list[torch.Tensor]) -> torch.nn.M
         read = tflite.DepthwiseConv2DOptions() if depthwise else tflite.Conv2DOptions()
         read.Init(options.Bytes, options.Pos)
         clipped = read.FusedActivationFunction() == tflite.ActivationFunctionType.RELU6
-        return _Convolution(constants[0], constants[1], read.StrideH(), depthwise, clipped)
+        return Convolution(constants[0], constants[1], read.StrideH(), depthwise, 6 if clipped else None)
     if kind == operators.ADD:
         return _Addition()
     if kind == operators.RESHAPE:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,20 +12,38 @@ from numpy.typing import NDArray
 
 from benchmarks.pages import Table
 from benchmarks.paper import sheets
-from examples.attacks.experiment import BATCH, HELD_OUT, MANY, ONE, REACH, SIZE, Experiment, weather_of
-from examples.attacks.intervals import Interval, over_seeds, paired
-from examples.attacks.results import FOUND, Results
+from examples.attacks.detectors import DETECTORS
+from examples.attacks.experiment import (
+    ATTACKS,
+    BATCH,
+    HELD_OUT,
+    MANY,
+    MOMENTS,
+    ONE,
+    REACH,
+    SCENES,
+    SIZE,
+    WEATHERS,
+    seen,
+)
+from examples.attacks.results import FOUND, Results, Values, found
+from examples.attacks.statistics import Interval, difference, success
 
-GROUPS = {"sun": ONE, "five other weathers": MANY[1:], "six held-out weathers": HELD_OUT}
+GROUPS = {"morning": ONE, "five other weathers": MANY[1:], "six held-out weathers": HELD_OUT}
+THRESHOLDS = (0.3, 0.5, 0.7)
 
 _DIFFERENCES = (
     ("many weathers", "one weather"),
     ("many weathers", "digital"),
-    ("many weathers", "many weathers, false gradient"),
+    ("many weathers", "digital, augmented"),
+    ("many weathers", "digital, widely augmented"),
+    ("many weathers, widely augmented", "digital, widely augmented"),
+    ("many weathers, widely augmented", "many weathers"),
+    ("many weathers, false gradient", "many weathers"),
 )
-_SHOWN = ("logo", "digital", "one weather", "many weathers")
-_SHOWN_WEATHERS = ("sun", "shade", "fog", "hard_rain", "dust", "night")
-_SHOWN_FRAME = 18
+_LONG = tuple(name for name, attack in ATTACKS.items() if attack.transferred)
+_SHOWN = ("logo", "digital", "digital, widely augmented", "many weathers")
+_SHOWN_WEATHERS = ("morning", "afternoon", "fog", "hard_rain", "dust", "night")
 _CELL, _BOX_COLOUR, _BOX_WIDTH = 160, (255, 230, 40), 4  # pixels
 
 
@@ -32,22 +51,29 @@ def tables(results: Results) -> dict[str, Table]:
     """Return the study's tables by name."""
     return {
         "success": _success(results),
-        "scores by weather": _by_weather(results),
         "differences": _differences(results),
+        "scenes": _by_scene(results),
+        "steps": _by_steps(results),
+        "transfer between detectors": _between_detectors(results),
+        "transfer between scenes": _between_scenes(results),
+        "scores by weather": _by_weather(results),
+        "thresholds": _by_threshold(results),
         "gradients": _gradients(results),
         "settings": _settings(results),
     }
 
 
-def draw(results: Results, experiment: Experiment, path: Path) -> None:
+def draw(results: Results, path: Path) -> None:
     """Write a sheet of textures in weathers, with the score, and the box where a person is found."""
-    cells, numbers = [], [_frame_of(results, weather) for weather in _SHOWN_WEATHERS]
+    scene, attacked = next(iter(SCENES)), next(iter(DETECTORS))
+    cells, numbers = [], [WEATHERS.index(weather) for weather in _SHOWN_WEATHERS]
     for name in _SHOWN:
-        outcome = results.outcomes[name][0]
-        cells.append((name, _pixels(torch.nn.functional.pad(outcome.texture[0], (9, 9, 0, 0), value=1.0))))
-        shown = experiment.seen(outcome.texture, [results.frames[number] for number in numbers])
-        for weather, number, picture, box in zip(_SHOWN_WEATHERS, numbers, *shown, strict=True):
-            pixels, score = _pixels(picture), outcome.rendered[number]
+        texture = results.texture(name, scene, attacked, results.seeds[0])
+        cells.append((name, _pixels(torch.nn.functional.pad(texture[0], (9, 9, 0, 0), value=1.0))))
+        scores = results.scores(name, _SHOWN_WEATHERS, attacked=[attacked], scenes=[scene])[0, 0, 0]
+        pictures, boxes = seen(scene, attacked, texture, numbers)
+        for weather, score, picture, box in zip(_SHOWN_WEATHERS, scores, pictures, boxes, strict=True):
+            pixels = _pixels(picture)
             if score >= FOUND:
                 _outline(pixels, box)
             cells.append((f"{_words(weather)}: {score:.2f}", pixels))
@@ -55,22 +81,14 @@ def draw(results: Results, experiment: Experiment, path: Path) -> None:
 
 
 def _success(results: Results) -> Table:
-    rows = [_success_row(results, name, name) for name in results.outcomes]
-    return [*rows, _success_row(results, "digital", "digital, inserted digitally", inserted=True)]
-
-
-def _success_row(results: Results, name: str, title: str, inserted: bool = False) -> dict[str, str]:
-    rates = {
-        group: f"{_text(over_seeds(results.found(name, weathers, inserted)))} %" for group, weathers in GROUPS.items()
-    }
-    return {"texture": title, **rates, "mean score": f"{np.mean(results.scores(name, HELD_OUT, inserted)):.2f}"}
-
-
-def _by_weather(results: Results) -> Table:
+    named = [("logo", "logo", False), ("noise on the logo", "noise on the logo", False)]
+    named += [(name, name, False) for name in ATTACKS]
+    named += [(name, f"{name}, inserted digitally", True) for name in ATTACKS if ATTACKS[name].insertion == "digital"]
     return [
-        {"weather": _words(weather)}
-        | {name: f"{np.mean(results.scores(name, [weather])):.2f}" for name in results.outcomes}
-        for weather in (*MANY, *HELD_OUT)
+        {"texture": title}
+        | {group: _rate(results.scores(name, which, inserted=inserted)) for group, which in GROUPS.items()}
+        | {"mean score": f"{results.scores(name, HELD_OUT, inserted=inserted).mean():.2f}"}
+        for name, title, inserted in named
     ]
 
 
@@ -79,50 +97,125 @@ def _differences(results: Results) -> Table:
     for name, other in _DIFFERENCES:
         row = {"attack": name, "less": other}
         for group, weathers in GROUPS.items():
-            apart = paired(results.found(name, weathers), results.found(other, weathers))
-            row[group] = f"{_text(apart, sign='+')}{' *' if apart.excludes_zero else ''}"
-        score = paired(*([float(np.mean(s)) for s in results.scores(n, HELD_OUT)] for n in (name, other)))
-        row["mean score"] = f"{_text(score, 2, '+')}{' *' if score.excludes_zero else ''}"
+            row[group] = _apart(*(found(results.scores(which, weathers)) for which in (name, other)))
+        for attacked in DETECTORS:
+            pair = (found(results.scores(which, HELD_OUT, attacked=[attacked])) for which in (name, other))
+            row[f"held-out, {attacked}"] = _apart(*pair)
         rows.append(row)
     return rows
 
 
-def _gradients(results: Results) -> Table:
+def _by_scene(results: Results) -> Table:
     return [
-        {"weather": _words(weather), "cosine": _text(over_seeds([row[weather] for row in results.cosines]), 3)}
-        for weather in (*MANY, *HELD_OUT)
+        {"attack": name}
+        | {
+            f"{attacked}, {scene}": _rate(results.scores(name, HELD_OUT, attacked=[attacked], scenes=[scene]))
+            for attacked in DETECTORS
+            for scene in SCENES
+        }
+        for name in ATTACKS
+    ]
+
+
+def _by_steps(results: Results) -> Table:
+    return [
+        {"attack": name}
+        | {
+            f"{attacked}, {steps} steps": _rate(results.scores(name, HELD_OUT, attacked=[attacked], steps=steps))
+            for attacked in DETECTORS
+            for steps in results.steps
+        }
+        for name in ATTACKS
+    ]
+
+
+def _between_detectors(results: Results) -> Table:
+    return [
+        {"attack": name, "attacked": attacked}
+        | {
+            f"tested on {tested}": _rate(results.scores(name, HELD_OUT, attacked=[attacked], tested=tested))
+            for tested in DETECTORS
+        }
+        for name in _LONG
+        for attacked in DETECTORS
+    ]
+
+
+def _between_scenes(results: Results) -> Table:
+    return [
+        {"attack": name, "attacked in": scene}
+        | {f"tested in {where}": _rate(results.scores(name, HELD_OUT, scenes=[scene], where=where)) for where in SCENES}
+        for name in _LONG
+        for scene in SCENES
+    ]
+
+
+def _by_weather(results: Results) -> Table:
+    return [
+        {"weather": _words(weather)}
+        | {name: _percent(results.scores(name, [weather]) >= FOUND) for name in ("logo", *ATTACKS)}
+        for weather in WEATHERS
+    ]
+
+
+def _by_threshold(results: Results) -> Table:
+    return [
+        {"attack": name}
+        | {
+            f"{attacked}, {least}": _percent(results.scores(name, HELD_OUT, attacked=[attacked]) >= least)
+            for attacked in DETECTORS
+            for least in THRESHOLDS
+        }
+        for name in ("logo", "noise on the logo", *ATTACKS)
+    ]
+
+
+def _gradients(results: Results) -> Table:
+    columns = {attacked: results.cosines(attacked) for attacked in DETECTORS}
+    return [
+        {"weather": _words(weather)} | {attacked: _spread(rows[weather]) for attacked, rows in columns.items()}
+        for weather in WEATHERS
     ]
 
 
 def _settings(results: Results) -> Table:
-    attacks = results.outcomes["many weathers"]
     settings = {
-        "seeds of each attack": len(attacks),
-        "steps": len(attacks[0].losses),
+        "scenes": len(SCENES),
+        "seeds of each attack": len(results.seeds),
+        "steps": results.steps[-1],
         "frames in a step": BATCH,
-        "test frames": len(results.frames),
+        "moments, attacked and tested": f"{MOMENTS} and {MOMENTS}",
         "texels": f"{SIZE[1]} x {SIZE[0]}",
         "largest change of a texel": REACH,
     }
     return [{name: str(value) for name, value in settings.items()}]
 
 
-def _frame_of(results: Results, weather: str) -> int:
-    """Return the index of the test frame that the sheet shows of a weather."""
-    return next(
-        number
-        for number, (variant, frame) in enumerate(results.frames)
-        if weather_of(variant) == weather and frame == _SHOWN_FRAME
-    )
+def _rate(scores: Values) -> str:
+    """Return a success rate and its interval, such as "71 (52 to 84) %"."""
+    return f"{_text(success(found(scores)), '.0f')} %"
+
+
+def _apart(one: Values, other: Values) -> str:
+    apart = difference(one, other)
+    return f"{_text(apart, '+.0f')}{' *' if apart.excludes_zero else ''}"
+
+
+def _percent(which: NDArray[np.bool_]) -> str:
+    return f"{100 * which.mean():.0f} %"
+
+
+def _text(interval: Interval, form: str) -> str:
+    value, low, high = (format(100 * part, form) for part in (interval.value, interval.low, interval.high))
+    return f"{value} ({low} to {high})"
+
+
+def _spread(values: Sequence[float]) -> str:
+    return f"{np.median(values):.2f} ({min(values):.2f} to {max(values):.2f})"
 
 
 def _words(weather: str) -> str:
     return weather.replace("_", " ")
-
-
-def _text(interval: Interval, digits: int = 0, sign: str = "") -> str:
-    mean = f"{interval.mean:{sign}.{digits}f}"
-    return mean if math.isnan(interval.half) else f"{mean} ± {interval.half:.{digits}f}"
 
 
 def _pixels(picture: torch.Tensor) -> NDArray[np.uint8]:
@@ -130,7 +223,7 @@ def _pixels(picture: torch.Tensor) -> NDArray[np.uint8]:
     return pixels
 
 
-def _outline(pixels: NDArray[np.uint8], box: torch.Tensor) -> None:
+def _outline(pixels: NDArray[np.uint8], box: Any) -> None:
     """Draw a box, x0, y0, x1, y1."""
     height, width = pixels.shape[:2]
     x0, y0, x1, y1 = (int(v) for v in box.round().tolist())

@@ -5,15 +5,17 @@ All have `frames` and `pictures` of `SceneView`.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from recipe_runtime.annotate.masks import unpacked
+from recipe_runtime.attacks.texture_view import TextureView
 from recipe_runtime.attacks.truth import PatchRecord
 from recipe_runtime.scenario import Scenario
-from recipe_runtime.torch import Place, SceneView
+from recipe_runtime.torch import Place
 from torch.nn import functional
 
 
@@ -51,6 +53,56 @@ class DigitalView:
         return torch.where(masks, shown, torch.stack([picture for picture, _, _ in parts]))
 
 
+class RenderedView:
+    """Rendered frames, as `SceneView` has them, without the renderers: hundreds of frames fit into memory.
+
+    The linear map from texture to picture is kept, and its values are rounded where a build rounds: of 10,000 pixels,
+    one may differ by one level.
+
+    Args:
+        scenarios: The variants by name. They are closed, and open themselves again when needed.
+        patch: Name of a patch of mode `rendered`.
+        frames: Pairs of variant and frame number.
+        size: Height and width of the texture.
+    """
+
+    def __init__(
+        self, scenarios: dict[str, Scenario], patch: str, frames: Sequence[Place], size: tuple[int, int]
+    ) -> None:
+        self.frames = list(frames)
+        self._views = []
+        for variant, frame in self.frames:
+            view = copy.copy(scenarios[variant].patch_view(frame, patch, size=size))
+            del vars(view)["_frame"]  # the renderer of the scene, 100 MB, which `rounded` and `backward` do not use
+            self._views.append(view)
+            scenarios[variant].close()
+
+    def pictures(self, texture: torch.Tensor, batch: int | None = None, step: int = 0) -> torch.Tensor:
+        """As `SceneView.pictures`."""
+        size = len(self.frames) if batch is None else batch
+        shown = [_Rendered.apply(texture, self._views[(step * size + k) % len(self.frames)]) for k in range(size)]  # type: ignore[no-untyped-call, unused-ignore]
+        return torch.cat(shown)
+
+
+class _Rendered(torch.autograd.Function):
+    """A picture [1, 3, H, W] of a texture in a frame."""
+
+    @staticmethod
+    def forward(ctx: Any, texture: torch.Tensor, view: TextureView) -> torch.Tensor:
+        """Return the picture."""
+        ctx.view, ctx.values = view, texture.detach()[0].permute(1, 2, 0).numpy().astype(np.float64)
+        picture = view.rounded(np.rint(ctx.values * 255).astype(np.uint8))
+        return torch.from_numpy(picture.transpose(2, 0, 1)[None].astype(np.float32) / np.float32(255))
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: torch.Tensor) -> tuple[torch.Tensor, None]:
+        """Return the gradient of the texture."""
+        gradient = gradients[0][0].permute(1, 2, 0).numpy().astype(np.float64)
+        return torch.from_numpy(
+            ctx.view.backward(ctx.values, gradient).transpose(2, 0, 1)[None].astype(np.float32)
+        ), None
+
+
 class FalseGradientView:
     """Rendered pictures with the gradient of a warp, as MART has it: without light, weather and the camera's curve.
 
@@ -59,7 +111,7 @@ class FalseGradientView:
         warped: Whose gradient is taken; with the same frames.
     """
 
-    def __init__(self, rendered: SceneView, warped: DigitalView) -> None:
+    def __init__(self, rendered: View, warped: DigitalView) -> None:
         self.frames, self._rendered, self._warped = rendered.frames, rendered, warped
 
     def pictures(self, texture: torch.Tensor, batch: int | None = None, step: int = 0) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""The detector's file is checked before it is used or stored."""
+"""The detectors' files are checked before they are used or stored."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import io
 import tarfile
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,58 +16,71 @@ from recipe_runtime.cache.store import Store
 
 from examples.attacks import detector_file as module
 
-MODEL = b"a model" * 9
+MODEL, WEIGHTS = b"a model" * 9, b"weights"
 
 
-def package(model: bytes) -> bytes:
-    content, packed = b"=" * 184 + model, io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w:gz") as archive:
-        member = tarfile.TarInfo("package/objectron_solution_packed_assets.data")
-        member.size = len(content)
-        archive.addfile(member, io.BytesIO(content))
-    return packed.getvalue()
+def packed() -> bytes:
+    body = io.BytesIO()
+    with tarfile.open(fileobj=body, mode="w:gz") as archive:
+        for name, content in {"package/a": b"=" * 184 + MODEL + b"rest", "package/b": WEIGHTS}.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    return body.getvalue()
+
+
+PACKED = packed()
+MEMBERS = (
+    module.Member("package/a", hashlib.sha256(MODEL).hexdigest(), 184, 184 + len(MODEL)),
+    module.Member("package/b", hashlib.sha256(WEIGHTS).hexdigest()),
+)
+PACKAGE = module.Package("@some/detector", "1.2.3", hashlib.sha256(PACKED).hexdigest(), len(PACKED), MEMBERS)
+
+
+def fetch() -> list[bytes]:
+    return module.detector_files(PACKAGE)
 
 
 @pytest.fixture
 def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Replace the registry by one that sends a small package; return the list of requested addresses."""
-    body, fetched = package(MODEL), []
+    fetched: list[str] = []
 
     def urlopen(url: str, timeout: float) -> Any:
         fetched.append(url)
-        return io.BytesIO(body)
+        return io.BytesIO(PACKED)
 
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path))
     monkeypatch.setenv("npm_config_registry", "https://registry.example/npm/")
     monkeypatch.setattr(urllib.request, "urlopen", urlopen)
-    monkeypatch.setattr(module, "PACKAGE_SHA256", hashlib.sha256(body).hexdigest())
-    monkeypatch.setattr(module, "MODEL_SHA256", hashlib.sha256(MODEL).hexdigest())
     return fetched
 
 
 def test_it_is_downloaded_once(registry: list[str]) -> None:
-    assert [module.detector_file(), module.detector_file()] == [MODEL, MODEL]
-    version = "0.4.1675468480"
-    assert registry == [f"https://registry.example/npm/@mediapipe/objectron/-/objectron-{version}.tgz"]
+    assert [fetch(), fetch()] == [[MODEL, WEIGHTS]] * 2
+    assert registry == ["https://registry.example/npm/@some/detector/-/detector-1.2.3.tgz"]
 
 
 def test_a_damaged_file_in_the_cache_is_downloaded_again(registry: list[str]) -> None:
-    module.detector_file()
-    kept = Store().path("downloads", module.MODEL_SHA256)
+    fetch()
+    kept = Store().path("downloads", MEMBERS[1].sha256)
     kept.write_bytes(kept.read_bytes()[:-1])
-    assert module.detector_file() == MODEL and len(registry) == 2
-    assert module.detector_file() == MODEL and len(registry) == 2
-    Store().put("downloads", module.MODEL_SHA256, b"another file")
-    assert module.detector_file() == MODEL and len(registry) == 3, "an entry may have another content"
+    assert fetch() == [MODEL, WEIGHTS] and len(registry) == 2
+    assert fetch() == [MODEL, WEIGHTS] and len(registry) == 2
+    Store().put("downloads", MEMBERS[1].sha256, b"another file")
+    assert fetch() == [MODEL, WEIGHTS] and len(registry) == 3, "an entry may have another content"
 
 
-@pytest.mark.parametrize("constant", ["PACKAGE_SHA256", "MODEL_SHA256"])
-def test_other_bytes_are_refused_and_not_stored(
-    constant: str, registry: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, constant, "0" * 64)
+@pytest.mark.parametrize(
+    "package",
+    [
+        replace(PACKAGE, sha256="0" * 64),
+        replace(PACKAGE, members=(MEMBERS[0], replace(MEMBERS[1], sha256="0" * 64))),
+    ],
+)
+def test_other_bytes_are_refused_and_not_stored(registry: list[str], tmp_path: Path, package: module.Package) -> None:
     with pytest.raises(RunError, match="not 0000"):
-        module.detector_file()
+        module.detector_files(package)
     assert not list(tmp_path.rglob("downloads"))
 
 
@@ -76,7 +90,7 @@ def test_an_unreachable_registry_is_a_run_error(registry: list[str], monkeypatch
 
     monkeypatch.setattr(urllib.request, "urlopen", unreachable)
     with pytest.raises(RunError, match="no route; try again later"):
-        module.detector_file()
+        fetch()
 
 
 def test_the_registry_is_that_of_npms_configuration(
@@ -87,8 +101,8 @@ def test_the_registry_is_that_of_npms_configuration(
     npm.chmod(0o755)
     monkeypatch.delenv("npm_config_registry")
     monkeypatch.setenv("PATH", f"{npm.parent}:/bin")
-    module.detector_file()
-    assert registry[0].startswith("https://configured.example/@mediapipe/")
+    fetch()
+    assert registry[0].startswith("https://configured.example/@some/")
 
 
 def test_without_npm_the_error_has_a_remedy(
@@ -97,4 +111,4 @@ def test_without_npm_the_error_has_a_remedy(
     monkeypatch.delenv("npm_config_registry")
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(RunError, match="install npm or set npm_config_registry"):
-        module.detector_file()
+        fetch()

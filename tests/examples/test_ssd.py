@@ -25,9 +25,9 @@ class FixedNetwork(torch.nn.Module):  # type: ignore[name-defined, misc, unused-
 
 
 def detector(places: dict[tuple[int, int], float]) -> Any:
-    from examples.attacks.ssd import PhotographDetector
+    from examples.attacks.ssd import Ssd
 
-    return PhotographDetector(FixedNetwork(places))
+    return Ssd(FixedNetwork(places))
 
 
 def test_anchors_are_those_of_the_six_layers() -> None:
@@ -55,7 +55,7 @@ def test_a_box_is_scaled_and_shifted_relative_to_its_anchor() -> None:
 
 
 def test_overlap_of_boxes() -> None:
-    from examples.attacks.ssd import intersection_over_union
+    from examples.attacks.detector import intersection_over_union
 
     box = torch.tensor([0.0, 0.0, 2.0, 2.0])
     others = torch.tensor([[0.0, 0.0, 2.0, 2.0], [1.0, 0.0, 3.0, 2.0], [2.0, 0.0, 4.0, 2.0], [5.0, 5.0, 6.0, 6.0]])
@@ -84,3 +84,10 @@ def test_the_loss_is_that_of_the_best_box_on_the_target() -> None:
     assert float(picture.grad[0, 0, 0]) < 0
     nothing = model([picture], [{"boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}])
     assert float(nothing["classification"].detach()) == 0
+
+
+def test_a_picture_of_another_size_gives_boxes_in_its_own_pixels() -> None:
+    model = detector({(1683, 4): 2.0})
+    boxes, _ = model.raw(torch.zeros(1, 3, 300, 300))
+    wide, _ = model.raw(torch.zeros(1, 3, 150, 600))
+    torch.testing.assert_close(wide, boxes * torch.tensor([2.0, 0.5, 2.0, 0.5]))

@@ -101,3 +101,25 @@ def test_batches_equal_those_of_a_scene_view(digital: Any, texture: Any) -> None
     every = digital.pictures(texture)
     assert torch.equal(digital.pictures(texture, batch=1, step=1)[0], every[1])
     assert torch.equal(digital.pictures(texture, batch=2, step=3), every)
+
+
+def test_frames_kept_without_their_renderer_are_those_of_the_renderer(recipe: Path, texture: Any) -> None:
+    """Gradients are equal; so are pictures, but for one level in few pixels, for batches that start anywhere."""
+    import recipe_runtime
+    from recipe_runtime.torch import SceneView
+
+    from examples.attacks.views import RenderedView
+
+    scenarios = {"insertion=rendered": recipe_runtime.open(recipe, "insertion=rendered")}
+    found = []
+    for view in (RenderedView(scenarios, "poster", PLACES, (8, 12)), SceneView(recipe, "poster", PLACES)):
+        given = texture.flip(3).requires_grad_()
+        pictures = view.pictures(given, batch=1, step=3)
+        weights = torch.linspace(-1, 1, pictures.numel()).reshape(pictures.shape)
+        gradient = torch.autograd.grad((pictures * weights).sum(), given)[0]
+        found.append((pictures.detach(), gradient, view.pictures(given.detach())))
+    for one, other in zip(*[(row[0], row[2]) for row in found], strict=True):
+        levels = (one - other).abs() * 255
+        assert float(levels.max()) < 1.01 and int((levels > 0).sum()) < 5
+    assert torch.equal(found[0][1], found[1][1])
+    assert float(found[0][1].abs().max()) > 0
