@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets tables paper attack-study lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets tables paper attack-study attack-goals lock verify golden requirements clean test-ray bench-ray
 
 # The tests start about a hundred processes; each starts half a second sooner if compiled modules are kept.
 unexport PYTHONDONTWRITEBYTECODE
@@ -141,6 +141,10 @@ paper: install-dev  ## measure the paper's studies, and renew their tables and p
 attack-study: install-dev  ## attack a detector trained on photographs, and write docs/attack-study.md (installs PyTorch and tflite)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
 	$(BIN)/python -m examples.attacks.study --page docs/attack-study.md
+
+attack-goals: install-dev  ## hide people and cars from detectors, mislead a tracker, and write docs/attack-goals.md (two hours on two cores; installs PyTorch and tflite)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
+	$(BIN)/python -m examples.attacks.goals --page docs/attack-goals.md
 
 verify: install  ## render sampled frames again, and compare them with all lockfiles
 	$(BIN)/recipe verify $(LOCKED)

@@ -1,0 +1,129 @@
+"""Parts of a study: attacks and tests that are run in several processes, each kept in a file when it is finished."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+
+from benchmarks.pages import Table
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one attack or test has found.
+
+    Attributes:
+        values: As JSON.
+        textures: [k, 3, h, w], 0 to 1: one, or one for each frame.
+    """
+
+    values: dict[str, Any]
+    textures: torch.Tensor
+
+
+Parts = dict[str, list[Part]]  # of a study: by kind, one a seed
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study.
+
+    Attributes:
+        name: Of its folder and tables.
+        plain: Kinds of parts that have no seed.
+        seeded: Kinds of parts that have one for each seed; slow ones first.
+        steps: Of an attack.
+        run: From kind, seed and number of steps to a part.
+        tables: By name, from the parts.
+        draw: Writes a picture of the parts.
+    """
+
+    name: str
+    plain: tuple[str, ...]
+    seeded: tuple[str, ...]
+    steps: int
+    run: Callable[[str, int, int], Part]
+    tables: Callable[[Parts], dict[str, Table]]
+    draw: Callable[[Parts, Path], None]
+
+    def jobs(self, seeds: int) -> list[tuple[str, int]]:
+        """Return the kind and the seed of each part."""
+        return [(kind, seed) for kind in self.seeded for seed in range(seeds)] + [(kind, 0) for kind in self.plain]
+
+
+def run(studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None, workers: int) -> None:
+    """Run the parts that are not in the folder yet, in processes of one thread each, and keep each when it is finished.
+
+    Args:
+        studies: Studies.
+        folder: Of finished parts, one folder a study.
+        seeds: Of each seeded kind.
+        steps: Of an attack, in place of the study's.
+        workers: Number of processes.
+    """
+    jobs = [
+        (study, kind, seed, study.steps if steps is None else steps)
+        for study in studies
+        for kind, seed in study.jobs(seeds)
+    ]
+    left = [job for job in jobs if not _finished(_path(folder, *job[:3]), job[3])]
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, spawn, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        running = {
+            pool.submit(_part, study.run, kind, seed, count, _path(folder, study, kind, seed)): f"{study.name}: {kind}"
+            for study, kind, seed, count in left
+        }
+        for number, job in enumerate(as_completed(running), len(jobs) - len(left) + 1):
+            job.result()
+            print(f"{number} of {len(jobs)}: {running[job]}", flush=True)
+
+
+def read(study: Study, folder: Path, *, seeds: int) -> Parts:
+    """Return the parts of a study that are in a folder."""
+    parts: Parts = {}
+    for kind, seed in study.jobs(seeds):
+        path = _path(folder, study, kind, seed)
+        if path.exists():
+            parts.setdefault(kind, []).append(_read(path))
+    return parts
+
+
+def write(part: Part, path: Path) -> None:
+    """Write textures as a PNG, one below the other, then the values as JSON beside it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pixels = (part.textures.permute(0, 2, 3, 1).flatten(0, 1) * 255).round().to(torch.uint8).numpy()
+    Image.fromarray(pixels).save(path.with_suffix(".png"))
+    unfinished = path.with_suffix(".tmp")
+    unfinished.write_text(json.dumps({"textures": len(part.textures), "values": part.values}) + "\n", encoding="utf-8")
+    unfinished.replace(path)
+
+
+def _read(path: Path) -> Part:
+    body = json.loads(path.read_text(encoding="utf-8"))
+    with Image.open(path.with_suffix(".png")) as image:
+        pixels = np.asarray(image.convert("RGB"), np.float32) / 255
+    rows = pixels.reshape(body["textures"], -1, *pixels.shape[1:])
+    return Part(body["values"], torch.tensor(rows.transpose(0, 3, 1, 2)))
+
+
+def _part(run: Callable[[str, int, int], Part], kind: str, seed: int, steps: int, path: Path) -> None:
+    part = run(kind, seed, steps)
+    write(Part({**part.values, "steps": steps}, part.textures), path)
+
+
+def _finished(path: Path, steps: int) -> bool:
+    """Return whether a part is there, with this number of steps."""
+    return path.exists() and json.loads(path.read_text(encoding="utf-8"))["values"]["steps"] == steps
+
+
+def _path(folder: Path, study: Study, kind: str, seed: int) -> Path:
+    return folder / study.name / f"{kind.replace(', ', '-').replace(' ', '-')}-{seed}.json"
