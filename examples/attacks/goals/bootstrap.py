@@ -1,4 +1,4 @@
-"""95 % intervals by a bootstrap over seeds and moments."""
+"""95 % intervals by a bootstrap over seeds and moments, for means and for scores of many pictures together."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.attacks.statistics import success
+
 DRAWS = 1000
-_Z = 1.959964  # the 97.5 % quantile of the normal distribution
 
 
 @dataclass(frozen=True)
@@ -49,25 +50,10 @@ def mean(values: NDArray[np.float64], draws: int = DRAWS) -> Range:
     return resampled(lambda s, m: float(values[np.ix_(s, m)].mean()), seeds, moments, draws)
 
 
-def rate(found: NDArray[np.bool_]) -> Range:
-    """Return the percentage of successes [seeds, moments, ...], and its interval.
-
-    Where all are equal, resampling finds no spread: then the interval is Wilson's, with a trial for each moment.
-    """
-    share = found.reshape(*found.shape[:2], -1).mean(axis=2)
-    value = mean(share)
-    if value.low == value.high:
-        low, high = wilson(round(value.value * share.shape[1]), share.shape[1])
-        value = Range(value.value, low, high)
-    return Range(100 * value.value, 100 * value.low, 100 * value.high)
-
-
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share by Wilson (1927)."""
-    share, spread = successes / trials, _Z * _Z / trials
-    middle = (share + spread / 2) / (1 + spread)
-    half = _Z / (1 + spread) * (share * (1 - share) / trials + spread / (4 * trials)) ** 0.5
-    return max(middle - half, 0.0), min(middle + half, 1.0)
+def rate(found: NDArray[np.bool_]) -> str:
+    """Return the percentage of successes [seeds, moments, weathers], and its interval in brackets."""
+    interval = success(found[None].astype(np.float64))
+    return Range(*(100 * value for value in (interval.value, interval.low, interval.high))).text(0, " %")
 
 
 def stacked(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:

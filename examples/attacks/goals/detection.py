@@ -75,6 +75,8 @@ class Detection:
         """
         view, texture = self._views(patch, tuple(places), digital), start.clone().requires_grad_()
         optimiser, generator = torch.optim.Adam([texture], lr=RATE), torch.Generator().manual_seed(seed)
+        for k in range(len(places)):  # record the frames of a scene together: its renderer is kept for two scenes only
+            view.pictures(start, batch=1, step=k)
         for _ in range(steps):
             chosen = torch.randperm(len(places), generator=generator)[:BATCH].tolist()
             shown = [texture if augment is None else augment(texture, generator) for _ in chosen]

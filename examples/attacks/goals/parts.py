@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,7 @@ class Study:
         plain: Kinds of parts that have no seed.
         seeded: Kinds of parts that have one for each seed; slow ones first.
         steps: Of an attack.
+        cost: Processor time of all parts, relative to other studies.
         run: From kind, seed and number of steps to a part.
         tables: By name, from the parts.
         draw: Writes a picture of the parts.
@@ -51,6 +53,7 @@ class Study:
     plain: tuple[str, ...]
     seeded: tuple[str, ...]
     steps: int
+    cost: float
     run: Callable[[str, int, int], Part]
     tables: Callable[[Parts], dict[str, Table]]
     draw: Callable[[Parts, Path], None]
@@ -63,6 +66,9 @@ class Study:
 def run(studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None, workers: int) -> None:
     """Run the parts that are not in the folder yet, in processes of one thread each, and keep each when it is finished.
 
+    A process works for one study, whose scenes stay in its memory. With fewer processes than studies, one study follows
+    the other.
+
     Args:
         studies: Studies.
         folder: Of finished parts, one folder a study.
@@ -70,21 +76,23 @@ def run(studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None
         steps: Of an attack, in place of the study's.
         workers: Number of processes.
     """
-    jobs = [
-        (study, kind, seed, study.steps if steps is None else steps)
-        for study in studies
-        for kind, seed in study.jobs(seeds)
-    ]
-    left = [job for job in jobs if not _finished(_path(folder, *job[:3]), job[3])]
+    together = [list(studies)] if workers >= len(studies) else [[study] for study in studies]
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        running = {
-            pool.submit(_part, study.run, kind, seed, count, _path(folder, study, kind, seed)): f"{study.name}: {kind}"
-            for study, kind, seed, count in left
-        }
-        for number, job in enumerate(as_completed(running), len(jobs) - len(left) + 1):
-            job.result()
-            print(f"{number} of {len(jobs)}: {running[job]}", flush=True)
+    for group in together:
+        running: dict[Future[None], str] = {}
+        with ExitStack() as pools:
+            for study, share in zip(group, _shares([study.cost for study in group], workers), strict=True):
+                count = study.steps if steps is None else steps
+                pool = pools.enter_context(
+                    ProcessPoolExecutor(share, spawn, initializer=torch.set_num_threads, initargs=(1,))
+                )
+                for kind, seed in study.jobs(seeds):
+                    path = _path(folder, study, kind, seed)
+                    if not _finished(path, count):
+                        running[pool.submit(_part, study.run, kind, seed, count, path)] = f"{study.name}: {kind}"
+            for number, job in enumerate(as_completed(running), 1):
+                job.result()
+                print(f"{number} of {len(running)}: {running[job]}", flush=True)
 
 
 def read(study: Study, folder: Path, *, seeds: int) -> Parts:
@@ -113,6 +121,15 @@ def _read(path: Path) -> Part:
         pixels = np.asarray(image.convert("RGB"), np.float32) / 255
     rows = pixels.reshape(body["textures"], -1, *pixels.shape[1:])
     return Part(body["values"], torch.tensor(rows.transpose(0, 3, 1, 2)))
+
+
+def _shares(costs: Sequence[float], workers: int) -> list[int]:
+    """Return a number of workers for each study, at least one, that are in proportion to the costs."""
+    shares = [1] * len(costs)
+    for _ in range(workers - len(costs)):
+        busiest = max(range(len(costs)), key=lambda k: costs[k] / shares[k])
+        shares[busiest] += 1
+    return shares
 
 
 def _part(run: Callable[[str, int, int], Part], kind: str, seed: int, steps: int, path: Path) -> None:

@@ -53,7 +53,7 @@ def scores(
         "mAP": averaged("precision"),
         "AP50": averaged("precision_50"),
         "AR": averaged("recall"),
-        "found": rate(by_moment >= least).text(0, " %"),
+        "found": rate(by_moment >= least),
         "score": mean(by_moment.mean(axis=2)).text(2),
     }
 
