@@ -13,6 +13,7 @@ from recipe_runtime.scenario import Scenario, Scenes
 from recipe_runtime.torch import Place, SceneView
 from torch.nn import functional
 
+from examples.attacks.augmentation import Augmentation
 from examples.attacks.detector import Detector, intersection_over_union
 from examples.attacks.detectors import opened
 from examples.attacks.ssd import LABELS
@@ -26,8 +27,6 @@ RATE, BATCH = 0.05, 4  # of Adam; frames in a step
 
 _SAME, _NEAR, _STRONGEST = 0.5, 0.3, 10  # intersections over union; boxes of which an attack lowers the score
 _MIN_SCORE, _MAX_DETECTIONS, _AT_ONCE = 0.05, 100, 8
-
-Augmentation = Callable[[torch.Tensor, torch.Generator], torch.Tensor]
 
 
 class Detection:
@@ -169,17 +168,6 @@ def reframed(
     corners = (boxes.unflatten(1, (2, 2)) / size - 1 - shift[:, None]) / scale[:, None, None]
     moved = functional.grid_sample(pictures, grid, padding_mode="border", align_corners=False)
     return moved, ((corners + 1) * size).flatten(1)
-
-
-def thys(texture: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-    """Return a texture with contrast, brightness and noise changed at random, by the ranges of Thys et al. (2019)."""
-    contrast, brightness = (low + (high - low) * _draw(generator) for low, high in ((0.8, 1.2), (-0.1, 0.1)))
-    grain = 0.2 * torch.rand(texture.shape, generator=generator) - 0.1
-    return texture * contrast + brightness + grain
-
-
-def _draw(generator: torch.Generator) -> float:
-    return float(torch.rand((), generator=generator))
 
 
 def _detections(boxes: torch.Tensor, scores: torch.Tensor) -> list[list[float]]:

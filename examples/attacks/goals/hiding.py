@@ -9,8 +9,9 @@ import torch
 from recipe_runtime.torch import Place
 
 from benchmarks.pages import Table
+from examples.attacks.augmentation import THYS, WIDE
 from examples.attacks.goals import sheet
-from examples.attacks.goals.detection import DETECTORS, PERSON, Detection, noise, start, thys
+from examples.attacks.goals.detection import DETECTORS, PERSON, Detection, noise, start
 from examples.attacks.goals.parts import Part, Parts, Study
 from examples.attacks.goals.scores import chosen_scores, scores, threshold
 
@@ -20,6 +21,7 @@ PLAIN = (0x8C / 255, 0x3B / 255, 0x3B / 255)  # the shirt's own colour in the re
 
 _TRAINING = [(run, frame) for run in ("", *(f"#{k}" for k in range(2, 9))) for frame in (0, 2, 4, 6)]
 _TEST = [(run, frame) for run in ("#9", "#10", "#11", "#12") for frame in (1, 4, 7)]
+_AUGMENTATIONS = {"digital": THYS, "digital, wide": WIDE}
 _PLAIN = "shirt, plain"
 _SHOWN = (("sun", 4), ("sunset", 1), ("hard_rain", 7), ("fog", 4), ("night", 4))
 
@@ -33,16 +35,16 @@ def run(kind: str, seed: int, steps: int) -> Part:
         texture = noise(SIZES[patch], seed)
     else:
         places, first = _places(patch, SEEN, _TRAINING), start(SIZES[patch], seed)
-        detector, digital = ("CenterNet" if how == "CenterNet" else "SSD"), how == "digital"
+        augment = _AUGMENTATIONS.get(how)
         texture = _scene().attack(
             patch,
             places,
             first,
             steps=steps,
             seed=seed,
-            detector=detector,
-            digital=digital,
-            augment=thys if digital else None,
+            detector="CenterNet" if how == "CenterNet" else "SSD",
+            digital=augment is not None,
+            augment=augment,
         )
     return Part(_scene().test(patch, _places(patch, (*SEEN, *HELD_OUT), _TEST), texture), texture)
 
@@ -107,6 +109,7 @@ STUDY = Study(
         "shirt, rendered",
         "chest, rendered",
         "chest, digital",
+        "chest, digital, wide",
         "shirt, random",
         "chest, random",
     ),
