@@ -24,7 +24,7 @@ SIZE = (48, 48)  # texels: height, width
 ASPECT = 0.45  # width of a box, heights of the person: of tracker and truth, so that strides do not count
 LOST = 0.1  # intersection over union below which the tracker has lost the person
 
-_VIDEOS = tuple("base" if number == 1 else f"base#{number}" for number in range(1, 16))
+_VIDEOS = tuple("base" if number == 1 else f"base#{number}" for number in range(1, 21))
 _TEST = _VIDEOS[10:]
 _WAYS = ("each frame", "one texture")
 _PAIRS, _SHARPNESS, _JITTER, _REGION = 4, 20.0, 0.1, 6  # in a step; of the response; heights; samples
@@ -199,8 +199,8 @@ STUDY = Study(
     name="tracking",
     plain=("grey",),
     seeded=(*(f"{way}, {count}" for way in _WAYS for count in COUNTS), "random"),
-    steps=400,
-    cost=25,
+    steps=600,
+    cost=15,
     run=run,
     tables=tables,
     draw=draw,
