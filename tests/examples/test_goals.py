@@ -109,7 +109,7 @@ def test_finished_parts_are_read_and_not_run_again(tmp_path: Path) -> None:
 def test_workers_are_shared_by_cost() -> None:
     from examples.attacks.goals.parts import _shares
 
-    assert _shares([35, 32, 15], 16) == [7, 6, 3] and _shares([9, 1], 2) == [1, 1]
+    assert _shares([42, 34, 15], 16) == [7, 6, 3] and _shares([9, 1], 2) == [1, 1]
 
 
 def _never(*_: object) -> Any:
