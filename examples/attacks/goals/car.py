@@ -25,6 +25,7 @@ _PATCH = "paint"
 _SEEN_DISTANCES, _SEEN_AZIMUTHS = ("6m", "12m"), ("0", "45", "90", "135", "180", "225", "270", "315")
 _WEATHERS = {"rendered": SEEN, "one weather": SEEN[:1], "CenterNet": SEEN}
 _OWN = "own paint"
+_SHOWN_KINDS = (_OWN, "logo", "random", "rendered", "CenterNet")
 _SHOWN = (
     ("sun", "6m", "22"),
     ("sunset", "9m", "67"),
@@ -63,13 +64,13 @@ def tables(parts: Parts) -> dict[str, Table]:
 
 
 def draw(parts: Parts, path: Path) -> None:
-    """Write a sheet of each kind's first texture in test frames."""
+    """Write a sheet of some kinds: the first texture of each, in test frames."""
     places = [(_variant("motorway", *values), 0) for values in _SHOWN]
     least = threshold(parts[_OWN], DETECTORS[0])
-    rows = [
-        sheet.row(kind, found[0], least, places, _scene().pictures(_PATCH, places, found[0].textures))
-        for kind, found in parts.items()
-    ]
+    rows = []
+    for kind in (kind for kind in _SHOWN_KINDS if kind in parts):
+        pictures = _scene().pictures(_PATCH, places, parts[kind][0].textures)
+        rows.append(sheet.row(kind, parts[kind][0], least, places, pictures))
     sheet.save(rows, path)
 
 

@@ -23,6 +23,7 @@ _TRAINING = [(run, frame) for run in ("", *(f"#{k}" for k in range(2, 9))) for f
 _TEST = [(run, frame) for run in ("#9", "#10", "#11", "#12") for frame in (1, 4, 7)]
 _AUGMENTATIONS = {"digital": THYS, "digital, wide": WIDE}
 _PLAIN = "shirt, plain"
+_SHOWN_KINDS = (_PLAIN, "shirt, random", "shirt, rendered", "shirt, CenterNet", "chest, rendered", "chest, digital")
 _SHOWN = (("sun", 4), ("sunset", 1), ("hard_rain", 7), ("fog", 4), ("night", 4))
 
 
@@ -61,10 +62,10 @@ def tables(parts: Parts) -> dict[str, Table]:
 
 
 def draw(parts: Parts, path: Path) -> None:
-    """Write a sheet of each kind's first texture in test frames."""
+    """Write a sheet of some kinds: the first texture of each, in test frames."""
     rows, least = [], threshold(parts[_PLAIN], DETECTORS[0])
-    for kind, found in parts.items():
-        patch = kind.partition(", ")[0]
+    for kind in (kind for kind in _SHOWN_KINDS if kind in parts):
+        patch, found = kind.partition(", ")[0], parts[kind]
         places = [(_variant(weather, patch, "#10"), frame) for weather, frame in _SHOWN]
         rows.append(sheet.row(kind, found[0], least, places, _scene().pictures(patch, places, found[0].textures)))
     sheet.save(rows, path)

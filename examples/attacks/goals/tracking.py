@@ -28,6 +28,7 @@ _VIDEOS = tuple("base" if number == 1 else f"base#{number}" for number in range(
 _TEST = _VIDEOS[10:]
 _WAYS = ("each frame", "one texture")
 _PAIRS, _SHARPNESS, _JITTER, _REGION = 4, 20.0, 0.1, 6  # in a step; of the response; heights; samples
+_SHOWN_KINDS = ("grey", *(f"{way}, {count}" for way in _WAYS for count in (COUNTS[0], COUNTS[-1])))
 _SHOWN, _SHOWN_FRAMES = _TEST[1], (6, 11, 15, 19, 23)
 _TRUE, _TRACKED = (40, 220, 90), (255, 230, 40)  # colours of boxes
 
@@ -58,10 +59,10 @@ def tables(parts: Parts) -> dict[str, Table]:
 
 
 def draw(parts: Parts, path: Path) -> None:
-    """Write a sheet of each kind's first texture in frames of a test video, with the boxes of truth and tracker."""
+    """Write a sheet of some kinds: the first texture of each, in a test video, with the boxes of truth and tracker."""
     rows = []
-    for kind, found in parts.items():
-        textures = found[0].textures
+    for kind in (kind for kind in _SHOWN_KINDS if kind in parts):
+        textures = parts[kind][0].textures
         pictures, truth = _film(_SHOWN, textures), _truth(_SHOWN)
         seen = track(pictures, truth[0, :2], WINDOW * float(truth[0, 2]))
         cells = [(kind, sheet.square(textures[len(textures) // 2]))]
