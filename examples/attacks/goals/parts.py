@@ -96,12 +96,13 @@ def run(studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None
 
 
 def read(study: Study, folder: Path, *, seeds: int) -> Parts:
-    """Return the parts of a study that are in a folder."""
+    """Return the parts of a study that are in a folder, plain kinds first, then the seeded ones from the last."""
     parts: Parts = {}
-    for kind, seed in study.jobs(seeds):
-        path = _path(folder, study, kind, seed)
-        if path.exists():
-            parts.setdefault(kind, []).append(_read(path))
+    for kind in (*study.plain, *reversed(study.seeded)):
+        paths = [_path(folder, study, kind, seed) for seed in range(seeds if kind in study.seeded else 1)]
+        found = [_read(path) for path in paths if path.exists()]
+        if found:
+            parts[kind] = found
     return parts
 
 

@@ -199,9 +199,9 @@ def _truth(video: str) -> torch.Tensor:
 STUDY = Study(
     name="tracking",
     plain=("grey",),
-    seeded=(*(f"{way}, {count}" for way in _WAYS for count in COUNTS), "random"),
-    steps=600,
-    cost=15,
+    seeded=(*(f"{way}, {count}" for way in _WAYS for count in reversed(COUNTS)), "random"),
+    steps=2000,
+    cost=25,
     run=run,
     tables=tables,
     draw=draw,
