@@ -15,10 +15,8 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-import torch
-
 from benchmarks.pages import markdown, write_table
-from examples.attacks.detectors import DETECTORS, opened
+from examples.attacks.detectors import DETECTORS, opened, use_one_thread
 from examples.attacks.experiment import ATTACKS, SCENES, Found, attack, cosines, logo, start, tested
 from examples.attacks.report import draw, tables
 from examples.attacks.results import Results, Task, write
@@ -36,9 +34,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="attacks of each kind")
     parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="steps after which attacks are tested")
     parser.add_argument("--workers", type=int, default=WORKERS, help="processes, of one thread each")
+    parser.add_argument("--device", default="cpu", help="device of the detectors, such as cuda")
     options = parser.parse_args(arguments)
     if not options.again:
-        run(options.output, options.seeds, options.steps, options.workers)
+        run(options.output, options.seeds, options.steps, options.workers, options.device)
     results = Results(options.output)
     for name, table in tables(results).items():
         print(f"\n{name}\n\n{markdown(table)}", flush=True)
@@ -60,13 +59,13 @@ def tasks(seeds: int) -> list[Task]:
     return found
 
 
-def run(folder: Path, seeds: int, steps: Sequence[int], workers: int) -> None:
+def run(folder: Path, seeds: int, steps: Sequence[int], workers: int, device: str = "cpu") -> None:
     """Attack and test, in processes of one thread each, what a folder has not yet."""
     waiting = [task for task in tasks(seeds) if not (folder / f"{task.file}.json").exists()]
     for name in DETECTORS:
         opened(name)  # fetched once, before the processes start
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+    with ProcessPoolExecutor(workers, spawn, initializer=use_one_thread, initargs=(device,)) as pool:
         jobs = [pool.submit(finish, folder, task, sorted(steps)) for task in waiting]
         for count, job in enumerate(as_completed(jobs), start=1):
             job.result()

@@ -29,10 +29,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=3, help="attacks of each kind")
     parser.add_argument("--steps", type=int, help="steps of an attack, in place of the study's")
     parser.add_argument("--workers", type=int, default=2, help="processes, of one thread each")
+    parser.add_argument("--device", default="cpu", help="device of the detectors, such as cuda")
     options = parser.parse_args(arguments)
     studies = [STUDIES[name] for name in options.only]
     if not options.again:
-        parts.run(studies, options.output, seeds=options.seeds, steps=options.steps, workers=options.workers)
+        kept = {"seeds": options.seeds, "steps": options.steps}
+        parts.run(studies, options.output, **kept, workers=options.workers, device=options.device)
     for study in studies:
         found = parts.read(study, options.output, seeds=options.seeds)
         for name, table in study.tables(found).items():

@@ -16,6 +16,7 @@ import torch
 from PIL import Image
 
 from benchmarks.pages import Table
+from examples.attacks.detectors import use_one_thread
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,9 @@ class Study:
         return [(kind, seed) for kind in self.seeded for seed in range(seeds)] + [(kind, 0) for kind in self.plain]
 
 
-def run(studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None, workers: int) -> None:
+def run(
+    studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None, workers: int, device: str = "cpu"
+) -> None:
     """Run the parts that are not in the folder yet, in processes of one thread each, and keep each when it is finished.
 
     A process works for one study, whose scenes stay in its memory. With fewer processes than studies, one study follows
@@ -75,6 +78,7 @@ def run(studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None
         seeds: Of each seeded kind.
         steps: Of an attack, in place of the study's.
         workers: Number of processes.
+        device: Of the detectors.
     """
     together = [list(studies)] if workers >= len(studies) else [[study] for study in studies]
     spawn = multiprocessing.get_context("spawn")
@@ -84,7 +88,7 @@ def run(studies: Sequence[Study], folder: Path, *, seeds: int, steps: int | None
             for study, share in zip(group, _shares([study.cost for study in group], workers), strict=True):
                 count = study.steps if steps is None else steps
                 pool = pools.enter_context(
-                    ProcessPoolExecutor(share, spawn, initializer=torch.set_num_threads, initargs=(1,))
+                    ProcessPoolExecutor(share, spawn, initializer=use_one_thread, initargs=(device,))
                 )
                 for kind, seed in study.jobs(seeds):
                     path = _path(folder, study, kind, seed)
