@@ -138,7 +138,7 @@ paper: install-dev  ## measure the paper's studies, and renew their tables and p
 	$(BIN)/python -m benchmarks.paper
 	$(BIN)/python -m benchmarks.insertion
 
-attack-study: install-dev  ## attack a detector trained on photographs, and write docs/attack-study.md (installs PyTorch and tflite)
+attack-study: install-dev  ## attack two detectors trained on photographs, and write docs/attack-study.md (hours; installs PyTorch and tflite)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
 	$(BIN)/python -m examples.attacks.study --page docs/attack-study.md
 
