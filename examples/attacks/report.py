@@ -69,7 +69,8 @@ def draw(results: Results, path: Path) -> None:
     cells, numbers = [], [WEATHERS.index(weather) for weather in _SHOWN_WEATHERS]
     for name in _SHOWN:
         texture = results.texture(name, scene, attacked, results.seeds[0])
-        cells.append((name.replace("widely augmented", "wide range"), _pixels(torch.nn.functional.pad(texture[0], (9, 9, 0, 0), value=1.0))))
+        poster = _pixels(torch.nn.functional.pad(texture[0], (9, 9, 0, 0), value=1.0))
+        cells.append((name.replace("widely augmented", "wide range"), poster))
         scores = results.scores(name, _SHOWN_WEATHERS, attacked=[attacked], scenes=[scene])[0, 0, 0]
         pictures, boxes = seen(scene, attacked, texture, numbers)
         for weather, score, picture, box in zip(_SHOWN_WEATHERS, scores, pictures, boxes, strict=True):

@@ -17,7 +17,7 @@ from recipe_runtime.simulation.traffic.protocols import Body, Vehicle, is_vehicl
 from recipe_runtime.simulation.traffic.road_map import Lanes
 from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
-POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.4, 0.45  # the last two in m/s2
+POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.6, 0.65  # the last two in m/s2
 SAFE_BRAKING = 3.0  # m/s2, hardest braking because of a lane change
 _ABORTED, _NEAR = 4.5, 0.5  # m/s2 and metres: harder braking, or a smaller gap, aborts it
 _COMMITTED = 0.15  # widths of a lane after which it goes on in any case
