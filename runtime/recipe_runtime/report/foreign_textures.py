@@ -39,10 +39,43 @@ def tiled(islands: Sequence[Island], aspect: float, tile: Pixels, metres: float)
         scale = (box[2] - box[0]) / face.width  # pixels a metre
         width = max(1, round(metres * scale))
         height = max(1, round(width * tile.shape[0] / tile.shape[1]))
-        shown = np.asarray(Image.fromarray(tile).resize((width, height), Image.Resampling.LANCZOS), np.uint8)
         x, y = (np.floor(along(points, axis) * scale).astype(np.int64) for axis in (face.right, face.down))
-        page.put(box, shown[y % height, x % width])
+        (columns, x), (rows, y) = _needed(x, width), _needed(y, height)
+        strips = [[_scaled(tile, (width, height), across, down) for across in columns] for down in rows]
+        page.put(box, np.concatenate([np.concatenate(strip, axis=1) for strip in strips])[y, x])
     return page.png()
+
+
+def _needed(places: NDArray[np.int64], size: int) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
+    """Return the ranges of an image, repeated along an axis, that are needed; and the indices of places in them.
+
+    Args:
+        places: Places along the axis, in pixels.
+        size: Pixels of the image along the axis.
+    """
+    low = int(places.min())
+    number = int(places.max()) - low + 1
+    if number >= size:
+        return [(0, size)], places % size
+    start = low % size
+    rest = start + number - size
+    return [(start, min(start + number, size))] + ([(0, rest)] if rest > 0 else []), places - low
+
+
+def _scaled(tile: Pixels, size: tuple[int, int], across: tuple[int, int], down: tuple[int, int]) -> Pixels:
+    """Return the columns `across` and rows `down` of an image scaled to `size`; the rest is not computed."""
+    crop: list[slice] = []
+    ends: list[tuple[float, float]] = []
+    for (start, stop), length, scaled in ((across, tile.shape[1], size[0]), (down, tile.shape[0], size[1])):
+        first, last = start * length / scaled, stop * length / scaled
+        reach = 3 * max(1, -(-length // scaled)) + 1  # of the filter
+        begin = max(0, int(first) - reach)
+        crop.append(slice(begin, min(length, int(last) + 1 + reach)))
+        ends.append((first - begin, last - begin))
+    box = (ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+    part = Image.fromarray(np.ascontiguousarray(tile[crop[1], crop[0]]))
+    shape = (across[1] - across[0], down[1] - down[0])
+    return np.asarray(part.resize(shape, Image.Resampling.LANCZOS, box), np.uint8)
 
 
 def unwrapped(islands: Sequence[Island], aspect: float, model: MeshData, picture: Pixels, turn: int = 0) -> bytes:

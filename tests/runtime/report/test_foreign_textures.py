@@ -11,6 +11,7 @@ from PIL import Image
 from recipe_compiler.ir import assets
 from recipe_compiler.library import blueprints, surfaces
 from recipe_compiler.library.surfaces import WholeSurface
+from recipe_runtime.report import foreign_textures
 from recipe_runtime.report.foreign_textures import tiled, unwrapped
 
 SIDES = {"front": (255, 0, 0), "rear": (0, 255, 0), "left": (0, 0, 255), "right": (255, 255, 0), "top": (0, 255, 255)}
@@ -106,3 +107,35 @@ def test_models_without_texture_coordinates_are_refused() -> None:
     plain = assets.mesh(b"v 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3", "obj", "z")
     with pytest.raises(ValueError, match="no texture coordinates"):
         unwrapped(body.islands, body.aspect, plain, picture())
+
+
+@pytest.mark.parametrize(("height", "width", "metres"), [(40, 30, 3.7), (3000, 2, 30.0), (30, 40, 100.0)])
+def test_only_the_part_of_a_large_repeated_image_that_is_shown_is_scaled(
+    height: int, width: int, metres: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scaled parts have no more pixels than the map, and they show what the whole image does."""
+    sizes: list[int] = []
+    resize = Image.Image.resize
+
+    def counted(image: Image.Image, size: tuple[int, int], *rest: object) -> Image.Image:
+        sizes.append(size[0] * size[1])
+        return resize(image, size, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Image.Image, "resize", counted)
+    rows, columns = np.indices((height, width))
+    tile = np.stack([rows * 255 // height, columns * 255 // width, np.zeros_like(rows)], axis=-1).astype(np.uint8)
+    body = body_of("vehicle.sedan.a")
+    shown = decoded(tiled(body.islands, body.aspect, tile, metres))
+    assert sum(sizes) <= shown.shape[0] * shown.shape[1]
+
+
+@pytest.mark.parametrize(("low", "number"), [(0, 40), (-13, 37), (170, 60), (-5, 300)])
+def test_parts_of_a_scaled_image_are_equal_to_the_whole(low: int, number: int) -> None:
+    tile = np.random.default_rng(1).integers(0, 256, (30, 50, 3), np.uint8)
+    size = (200, 120)
+    whole = np.asarray(Image.fromarray(tile).resize(size, Image.Resampling.LANCZOS)).astype(int)
+    places = np.arange(low, low + number)
+    (columns, x), (rows, y) = foreign_textures._needed(places, size[0]), foreign_textures._needed(places, size[1])
+    strips = [[foreign_textures._scaled(tile, size, across, down) for across in columns] for down in rows]
+    made = np.concatenate([np.concatenate(strip, axis=1) for strip in strips])[y[:, None], x[None, :]]
+    assert np.abs(made - whole[places[:, None] % size[1], places[None, :] % size[0]]).max() <= 1
