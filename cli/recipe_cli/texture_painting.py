@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -26,8 +27,10 @@ def painter(paint: Path | None, metres: float, model: Path | None, up: str, turn
         turn: Degrees by which the model is turned to the left.
 
     Raises:
-        InputError: A file is missing, no image or no model; or there is a model without an image.
+        InputError: A file is missing, no image or no model; there is a model without an image; or the width is NaN.
     """
+    if math.isnan(metres):
+        raise InputError("--metres nan is not a number", help="write a width in metres, 0.01 to 100", code=Code.USAGE)
     if paint is None:
         if model is not None:
             raise InputError(f"--model {model} needs the image that was made for it", help="add --paint PNG")

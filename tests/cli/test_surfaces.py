@@ -152,6 +152,7 @@ def test_texture_maps_are_painted_with_a_repeated_image(tmp_path: Path) -> None:
         (b"no image", ("--paint", "{}/file.png"), "file.png: "),
         (b"", ("--paint", "{}/file.jpg"), "does not end in .png"),
         (None, ("--model", "{}/model.obj"), "needs the image that was made for it"),
+        (None, ("--metres", "nan"), "--metres nan is not a number"),
     ],
 )
 def test_wrong_paint_writes_nothing(
