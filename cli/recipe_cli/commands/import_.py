@@ -84,7 +84,7 @@ def _numbers(traffic: str | None) -> tuple[int, int]:
     """Return the vehicles and pedestrians of the option `--traffic`."""
     from recipe_compiler.ir.errors import Code, InputError
 
-    match = re.fullmatch(r"([0-9]{1,9}),([0-9]{1,9})", traffic or "0,0")
+    match = re.fullmatch(r"([0-9]{1,9}),([0-9]{1,9})", "0,0" if traffic is None else traffic)
     if match is None:
         message = f"--traffic {(traffic or '')[:100]!r} is not two whole numbers"
         raise InputError(message, help="write vehicles and pedestrians, such as --traffic 30,10", code=Code.USAGE)

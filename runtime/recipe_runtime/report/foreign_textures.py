@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 
 _MARGIN = 1.02  # size of the box of a texture map, relative to the body in it
 _EMPTY = (128, 128, 128)
+_MAX_LAYERS = 200  # of triangles of a model behind each other: painting takes time for each
 
 
 def tiled(islands: Sequence[Island], aspect: float, tile: Pixels, metres: float) -> bytes:
@@ -92,7 +93,7 @@ def unwrapped(islands: Sequence[Island], aspect: float, model: MeshData, picture
         turn: Degrees, a multiple of 90, by which the model is turned to the left first.
 
     Raises:
-        ValueError: The map has several parts, or the model no texture coordinates.
+        ValueError: The map has several parts, or the model no texture coordinates or far too many triangles.
     """
     if len({face.part for _, face in islands}) > 1:
         raise ValueError("the body has several parts, which a model cannot be stretched to")
@@ -175,6 +176,8 @@ def _seen(
     x = along(offset, face.right) / face.width * size[0]
     y = along(offset, face.down) / face.height * size[1]
     area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
+    if np.abs(area).sum() / 2 > _MAX_LAYERS * size[0] * size[1]:
+        raise ValueError(f"on average, more than {_MAX_LAYERS} of the model's triangles lie behind each other")
     order = np.argsort(along(offset, face.normal).mean(axis=1), kind="stable")
     order = order[np.abs(area[order]) > 1e-9]
     numbers = Image.new("I", size, 0)

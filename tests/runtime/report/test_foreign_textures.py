@@ -139,3 +139,11 @@ def test_parts_of_a_scaled_image_are_equal_to_the_whole(low: int, number: int) -
     strips = [[foreign_textures._scaled(tile, size, across, down) for across in columns] for down in rows]
     made = np.concatenate([np.concatenate(strip, axis=1) for strip in strips])[y[:, None], x[None, :]]
     assert np.abs(made - whole[places[:, None] % size[1], places[None, :] % size[0]]).max() <= 1
+
+
+def test_models_of_far_too_many_layers_are_refused() -> None:
+    """Painting each of 500,000 triangles over the whole map would take minutes."""
+    body = body_of("vehicle.sedan.a")
+    side = "\nv 2 -1 1\nv 2 1 1\nv -2 1 0\nvt 0 0\nf 1/1 2/1 3/1" + "\nf 1/1 2/1 3/1" * 400
+    with pytest.raises(ValueError, match="lie behind each other"):
+        unwrapped(body.islands, body.aspect, assets.mesh(side.encode(), "obj", "z"), picture())
