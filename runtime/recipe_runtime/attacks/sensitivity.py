@@ -65,7 +65,9 @@ def sensitivity(
         raise InputError(
             f"there is no parameter {parameter!r}", help=f"write one of {', '.join(known)}", code=Code.UNKNOWN_NAME
         )
-    low, high = known[parameter].values(step)
+    low, high = known[parameter].values(None if step is None else float(step))
+    if not low < high:
+        raise InputError(f"the step is {step!r}, which does not change the value {high:g}; give a larger number")
     below, above = (
         source.unrounded(seen, changed(appearance, sensor.name, known[parameter], value), sensor, frame)
         for value in (low, high)

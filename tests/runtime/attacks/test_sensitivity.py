@@ -95,6 +95,7 @@ def test_derivative_is_one_sided_at_a_limit(tmp_path: Path) -> None:
         ("camera.exposure_mode", None, "there is no parameter"),
         ("sun.altitude", 0.0, "the step is 0.0; give a number above 0"),
         ("sun.altitude", math.nan, "the step is nan"),
+        ("camera.iso", 1e-20, "the step is 1e-20, which does not change the value 100; give a larger number"),
     ],
 )
 def test_wrong_arguments_are_refused(tmp_path: Path, parameter: str, step: float | None, message: str) -> None:
