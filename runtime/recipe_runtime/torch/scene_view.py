@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import torch
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.attacks.joint_view import JointView
 from recipe_runtime.torch.pictures import Batch, Pictures, check_texture
@@ -186,8 +187,8 @@ class SceneView(torch.nn.Module):
         for name, values in given.items():
             if len(values) not in (1, len(shots)):
                 raise InputError(
-                    f"the texture of {name} has the shape {tuple(values.shape)}, but there are {len(shots)} pictures;"
-                    f" give one texture, or {len(shots)}: one for each picture"
+                    f"the texture of {name} has the shape {tuple(values.shape)}, but the view shows"
+                    f" {count(len(shots), 'picture')}; give one texture, or {len(shots)}: one for each picture"
                 )
         return shots
 

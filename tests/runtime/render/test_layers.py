@@ -10,7 +10,7 @@ LAYERS = (
     {"device"},
     {"numeric", "scene"},
     {"raster", "texture"},
-    {"sampling"},
+    {"linear", "sampling"},
     {"atmosphere", "patches", "shadows"},
     {"lighting"},
     {"camera"},

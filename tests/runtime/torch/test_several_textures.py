@@ -201,7 +201,7 @@ MANY = {"wall": "poster", "over": "sticker"}
         (
             lambda t: {"wall": t, "over": t.expand(5, -1, -1, -1)},
             {"batch": 2},
-            r"shape \(5, 3, 12, 20\), but there are 2",
+            r"shape \(5, 3, 12, 20\), but the view shows 2",
         ),
         (
             lambda t: {"wall": t * 255, "over": t},

@@ -19,7 +19,7 @@ from recipe_runtime.render.retexture.response_kernels import (
     MirrorArrays,
     SlotLight,
     mirror_gradients,
-    reflect,
+    reflect_slots,
     sample_gradients,
     select_channels,
     slot_gradients,
@@ -79,7 +79,7 @@ class PixelLight:
         passed = wp.empty(self._mirror_count, dtype=wp.vec3d, device=device)
         level = wp.empty(self._pixels, dtype=wp.vec3d, device=device)
         out = {"out_shown": shown, "out_passed": passed}
-        launch(reflect, self._mirror_count, device, mirrors=self._mirrors, radiance=radiance, **out)
+        launch(reflect_slots, self._mirror_count, device, mirrors=self._mirrors, radiance=radiance, **out)
         out = {"out_level": level, "out_slope": slope}
         launch(tone_pixels, self._pixels, device, light=self._light, shown=shown, **out)
         return level, (slope, passed)

@@ -111,7 +111,7 @@ def texel_gradients(
 
 
 @wp.kernel
-def reflect(
+def reflect_slots(
     mirrors: wp.array[MirrorArrays],
     radiance: wp.array[wp.vec3d],
     out_shown: wp.array[wp.vec3d],

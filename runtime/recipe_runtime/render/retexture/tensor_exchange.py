@@ -51,8 +51,11 @@ def put_picture(rgb: DeviceArray, out: object, quantised: bool) -> None:
         out: float32 if the picture is `quantised`, else float64.
         quantised: Whether this is the quotient of float32 numbers.
     """
-    planes, kernel = (_planes(out, wp.float32), put_bytes) if quantised else (_planes(out, wp.float64), put_shares)
-    launch(kernel, rgb.size // 3, str(rgb.device), rgb=rgb, out_planes=planes)
+    pixels, device = rgb.size // 3, str(rgb.device)
+    if quantised:
+        launch(put_bytes, pixels, device, rgb=rgb, out_planes=_planes(out, wp.float32))
+    else:
+        launch(put_shares, pixels, device, rgb=rgb, out_planes=_planes(out, wp.float64))
 
 
 def on_stream(device: str, stream: int) -> AbstractContextManager[object]:
