@@ -37,7 +37,9 @@ _DIFFERENCES = (
     ("many weathers", "digital"),
     ("many weathers", "digital, augmented"),
     ("many weathers", "digital, widely augmented"),
+    ("many weathers, augmented", "digital, augmented"),
     ("many weathers, widely augmented", "digital, widely augmented"),
+    ("digital, widely augmented", "digital, augmented"),
     ("many weathers, widely augmented", "many weathers"),
     ("many weathers, false gradient", "many weathers"),
 )
@@ -96,7 +98,7 @@ def _success(results: Results) -> Table:
 def _differences(results: Results) -> Table:
     rows = []
     for name, other in _DIFFERENCES:
-        row = {"attack": name, "less": other}
+        row = {"attack": name, "minus": other}
         for group, weathers in GROUPS.items():
             row[group] = _apart(*(found(results.scores(which, weathers)) for which in (name, other)))
         for attacked in DETECTORS:

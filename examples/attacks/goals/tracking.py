@@ -164,7 +164,7 @@ def _differences(parts: Parts) -> Table:
     for name, other in pairs:
         if name in parts and other in parts:
             apart = _by_video(parts[name]).mean(axis=2) - _by_video(parts[other]).mean(axis=2)
-            rows.append({"texture": name, "less": other, "overlap": mean(apart).text(2)})
+            rows.append({"texture": name, "minus": other, "overlap": mean(apart).text(2)})
     return rows
 
 
