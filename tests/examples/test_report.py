@@ -66,7 +66,7 @@ def test_rates_follow_from_the_scores(results: Any) -> None:
     )
     assert success["digital"]["six held-out weathers"] == "0 (0 to 5) %"
     assert success["digital, inserted digitally"]["six held-out weathers"] == "100 (95 to 100) %"
-    apart = {(row["attack"], row["less"]): row for row in found["differences"]}
+    apart = {(row["attack"], row["minus"]): row for row in found["differences"]}
     assert apart["many weathers", "digital"]["six held-out weathers"] == "+100 (+93 to +100) *"
     assert apart["many weathers", "digital"]["morning"] == "+0 (-5 to +5)"
     steps = next(row for row in found["steps"] if row["attack"] == "many weathers")
