@@ -72,9 +72,9 @@ class Driving:
         found = [*self.crashes, *self.messages]
         if self.kilometres and not CHANGES[0] <= self.change_rate <= CHANGES[1]:
             found.append(f"{self.change_rate:.2f} lane changes per vehicle-km")
-        if len(self.headways) >= _SAMPLES:
+        if self.kilometres and len(self.headways) >= _SAMPLES:  # in towns, vehicles approach queues
             median = float(np.median(self.headways))
-            if self.kilometres and not HEADWAY[0] <= median <= HEADWAY[1]:  # in towns, vehicles approach queues
+            if not HEADWAY[0] <= median <= HEADWAY[1]:
                 found.append(f"the median headway is {median:.2f} s")
             if self.headways.min() >= 1.0:
                 found.append("no headway is under 1 s")
