@@ -37,7 +37,7 @@ SMALLER = (
     (r"width: \d+, height: \d+", "width: 32, height: 24"),
     (r"traffic: {.*?}", "traffic: {vehicles: 0}"),
 )
-FRAMES = {"weather_sweep": 13, "poster": 10, "universal": 12}  # of recipes in which an example uses a frame beyond the third
+FRAMES = {"weather_sweep": 13, "poster": 10, "universal": 12}  # of recipes whose examples need them
 
 
 @dataclass(frozen=True)
