@@ -1,7 +1,8 @@
 """Boxes of actors, in the frame of the base part: x forward, y left, z up, metres.
 
 The *body box* has one size for a blueprint, as in CARLA: it bounds the meshes of the neutral pose, which is standing
-for people, riding with the left crank up for riders, and wheels straight ahead for cars. Wheels that turn do not change
+for people, riding with the left crank up for riders, and wheels straight ahead for cars. Of an object with levels of
+detail, the nearest version counts. Wheels that turn do not change
 it. Its bottom is on the ground: in the base part's ground plane for vehicles, at the lower sole for people, whose base
 part sinks while they walk.
 
@@ -147,7 +148,7 @@ def _neutral_pose(shape: Mapping[str, float]) -> list[PartPose]:
 
 
 def _distinct(mesh: Mesh) -> Array:
-    vertices: Array = np.unique(mesh.vertices.astype(np.float64).reshape(-1, 3), axis=0)
+    vertices: Array = np.unique(mesh.vertices[mesh.seen_near_by()].astype(np.float64).reshape(-1, 3), axis=0)
     return vertices
 
 

@@ -7,14 +7,16 @@ mesh is the same bytes on every host. `noise`, an integer hash of a key, is the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 
-from recipe_runtime.meshes.mesh import Light, Mesh, Surface
+from recipe_runtime.meshes.mesh import Level, Light, Mesh, Surface
 from recipe_runtime.meshes.smoothing import Sheet, flatten
 from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
@@ -67,6 +69,9 @@ class Builder:
         self._uvs: list[Array] = []
         self._triangles: list[Index] = []
         self._ids: list[Index] = []
+        self._level_ids: list[Index] = []
+        self._levels: dict[Level, int] = {}
+        self._level = -1  # of the triangles that are added; -1: shown at all distances
         self._count = 0
         self._quads: dict[tuple[Surface, bool], list[tuple[Array, Array]]] = {}
         self.lights: list[Light] = []
@@ -90,10 +95,35 @@ class Builder:
         self._uvs.append(uvs)
         self._triangles.append(triangles + self._count)
         self._ids.append(ids)
+        self._level_ids.append(np.full(len(ids), self._level, np.int32))
         self._count += len(points)
 
     def _number(self, surface: Surface) -> int:
         return self._surfaces.setdefault(surface, len(self._surfaces))
+
+    @contextmanager
+    def level(
+        self, near: float = 0.0, far: float = math.inf, *, anchor: Vec, casts: bool | None = None
+    ) -> Iterator[None]:
+        """Add the triangles of the block as one of several versions of an object, shown by its size in the picture.
+
+        The versions share their anchor, and one begins at the distance where another ends: `Level` defines the limits.
+        Details that disappear at a distance are an object with one version.
+
+        Args:
+            near: Distance from which the version is shown, metres.
+            far: Distance from which it is no longer shown, metres.
+            anchor: Point of the object from which distances are measured; in the frame of the body's base part, for an
+            element of a town in its own frame.
+            casts: Whether this version casts the object's shadow at all distances. The default is the nearest version.
+        """
+        x, y, z = (float(v) for v in anchor)
+        level = Level(near, far, (x, y, z), near == 0.0 if casts is None else casts)
+        self._flush()
+        outer, self._level = self._level, self._levels.setdefault(level, len(self._levels))
+        yield
+        self._flush()
+        self._level = outer
 
     def quads(self, surface: Surface, corners: Iterable[Sequence[Vec]], uvs: Array | None = None) -> None:
         """Add flat quadrilaterals.
@@ -208,10 +238,11 @@ class Builder:
         """Return the mesh of all triangles, transformed by `transform` [3, 4] if given; equal vertices are merged."""
         self._flush()
         points, normals = np.concatenate(self._points), np.concatenate(self._normals)
-        lights = tuple(self.lights)
+        lights, levels = tuple(self.lights), tuple(self._levels)
         if transform is not None:
             points, normals = _apply(transform, points, 1.0), _apply(transform, normals, 0.0)
             lights = tuple(_moved(light, transform) for light in lights)
+            levels = tuple(replace(level, anchor=_placed(level.anchor, transform)) for level in levels)
         rows = np.concatenate([points, normals, np.concatenate(self._uvs)], axis=1)
         rows = (np.round(rows, 6) + 0.0).astype(np.float32)
         triangles, ids = np.concatenate(self._triangles), np.concatenate(self._ids)
@@ -225,6 +256,8 @@ class Builder:
             surface=ids.astype(np.int32),
             surfaces=tuple(self._surfaces),
             lights=lights,
+            levels=levels,
+            level=np.concatenate(self._level_ids) if levels else None,
         )
 
 
@@ -279,11 +312,14 @@ def _apply(transform: Array, v: Array, w: float) -> Array:
 
 
 def _moved(light: Light, transform: Array) -> Light:
-    position = _apply(transform, np.array([light.position]), 1.0)[0]
     direction = _apply(transform, np.array([light.direction]), 0.0)[0]
-    x, y, z = (round(float(v), 6) + 0.0 for v in position)
     dx, dy, dz = (round(float(v), 6) + 0.0 for v in direction)
-    return Light((x, y, z), (dx, dy, dz), light.colour, light.intensity, light.cone)
+    return Light(_placed(light.position, transform), (dx, dy, dz), light.colour, light.intensity, light.cone)
+
+
+def _placed(point: tuple[float, float, float], transform: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(v), 6) + 0.0 for v in _apply(transform, np.array([point]), 1.0)[0])
+    return x, y, z
 
 
 def tube(path: Sequence[Vec], radii: Sequence[float], sides: int = 8) -> Array:

@@ -69,6 +69,24 @@ class Light:
     cone: float  # cosine of the half angle of the cone, at which the light has faded to 0
 
 
+REFERENCE_FOCAL = 640.0  # pixels: the focal length for which the distances of levels are given
+
+
+@dataclass(frozen=True)
+class Level:
+    """A version of an object that is shown at some distances only, by the size that the object has in the picture.
+
+    A camera whose focal length is REFERENCE_FOCAL pixels (1280 pixels wide, 90 degrees) shows the level if the distance
+    from its eye to the anchor is at least `near` and less than `far`; for twice the focal length both are twice as
+    large. The versions of an object have one anchor, and each begins where another ends.
+    """
+
+    near: float  # metres
+    far: float  # metres
+    anchor: tuple[float, float, float]  # metres, in the frame of the body's base part
+    casts: bool  # whether this version casts the object's shadow, at any distance
+
+
 @dataclass(frozen=True)
 class Mesh:
     """V vertices and T triangles, counter-clockwise seen from outside. Vertices are duplicated at hard edges."""
@@ -80,6 +98,15 @@ class Mesh:
     surface: NDArray[np.int32]  # [T] index into surfaces
     surfaces: tuple[Surface, ...]
     lights: tuple[Light, ...] = ()
+    levels: tuple[Level, ...] = ()
+    level: NDArray[np.int32] | None = None  # [T] index into levels, -1 for what is always shown; None without levels
+
+    def seen_near_by(self) -> NDArray[np.int64]:
+        """Return the vertices that near cameras see: those of the nearest version of every object, ascending."""
+        if self.level is None:
+            return np.arange(len(self.vertices))
+        near = np.array([*(level.near == 0.0 for level in self.levels), True])
+        return np.unique(self.triangles[near[self.level]]).astype(np.int64)
 
 
 @dataclass(frozen=True)

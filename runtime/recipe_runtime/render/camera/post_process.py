@@ -42,7 +42,9 @@ class PostProcess:
             return obs
         by_supersampling = self._undistorted.setdefault(obs, {})
         if supersample not in by_supersampling:
-            by_supersampling[supersample] = self._observer.observe(straight, obs.world_from_sensor, obs.parts)
+            by_supersampling[supersample] = self._observer.observe(
+                straight, obs.world_from_sensor, obs.parts, optics.focal_length(obs.camera)
+            )
         return by_supersampling[supersample]
 
     def hdr_image(self, exposed: Exposed, undistorted: Observation, r: Response) -> DeviceArray:

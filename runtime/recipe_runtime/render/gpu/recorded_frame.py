@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.ir.optics import focal_length
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import passes as camera_passes
@@ -200,7 +201,7 @@ class RecordedFrame:
         setup, g, r, n = self.setup, self.setup.g, self._r, self._buffers
         view, camera, device = self._b["view_from_part"], self.setup.camera, self.device
         raster_passes.transform_vertices(g, view, 0, n.vertices, device)
-        raster_passes.cull_chunks(g, view, camera, n.chunk_visible, device)
+        raster_passes.cull_chunks(g, view, camera, focal_length(camera), n.chunk_visible, device)
         self._raster(n.coarse, 1)
         wp.copy(r["extents"].flatten(), self._no_extents.flatten())
         raster_passes.label_pixels(g, setup.tiles, n.coarse, camera, self._labels, r["extents"][0], device)
@@ -210,7 +211,7 @@ class RecordedFrame:
         for first in range(0, len(g.actors), raster_passes.ACTORS_PER_WORD):
             self._raster(n.actor_bits, 1, g.static_chunks, first)
             raster_passes.count_amodal(g, setup.tiles, n.actor_bits, first, camera, r["extents"][1], device)
-        raster_passes.project_boxes(g, n.vertices, camera, r["extents"][2], r["extents"][3], device)
+        raster_passes.project_boxes(g, n.vertices, n.chunk_visible, camera, r["extents"][2], r["extents"][3], device)
 
     def _number_patches(self) -> None:
         keys, camera, samples = self._buffers.coarse, self.setup.camera, self._b["samples"]

@@ -7,7 +7,7 @@ from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.distortion_kernels import Distortion, distort
-from recipe_runtime.render.raster.triangles import NEARNESS, cut_at_near_plane, snap
+from recipe_runtime.render.raster.triangles import NEARNESS, OTHER_LEVEL, cut_at_near_plane, snap
 from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
@@ -123,9 +123,10 @@ def count_amodal(
 def project_boxes(
     vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
-    vertex_part: wp.array[wp.int32],
+    chunks: wp.array[wp.vec3i],
+    chunk_visible: wp.array[wp.int32],
+    first_chunk: wp.int32,
     part_extent: wp.array[wp.int32],
-    first_triangle: wp.int32,
     pinhole: Pinhole,
     distortion: Distortion,
     out_extents: wp.array2d[wp.int32],
@@ -133,14 +134,20 @@ def project_boxes(
 ):
     """Widen a moving body's unclipped box (1/256 pixels) by the corners of a triangle in front of the near plane.
 
+    There are 64 threads per chunk from `first_chunk` on; the versions of objects that are not shown do not count.
+
     `out_reach` also contains the points at which the near plane cuts the triangle: together the boxes contain all of
     its pixels.
     """
-    i = first_triangle + wp.tid()
-    t = triangles[i]
-    row = part_extent[vertex_part[t[0]]]
-    for n in range(3):
-        v = vertices[t[n]]
+    n = first_chunk + (wp.tid() >> 6)
+    place = wp.tid() & 63
+    chunk = chunks[n]
+    if chunk_visible[n] == OTHER_LEVEL or place >= chunk[1]:
+        return
+    t = triangles[chunk[0] + place]
+    row = part_extent[chunk[2]]
+    for k in range(3):
+        v = vertices[t[k]]
         z = wp.float64(v[2])
         if z >= pinhole.near:
             at = distort(

@@ -67,7 +67,7 @@ class Observation(FrameLabels):
 
     keys: DeviceArray = field(repr=False)  # uint64 [H * W] visibility at pixel centres
     vertices: DeviceArray = field(repr=False)  # vec3f [V] in the camera's frame; static ones at least where `seen`
-    seen: DeviceArray = field(repr=False)  # int32 [C], 1 for every chunk of triangles that may be in the view
+    seen: DeviceArray = field(repr=False)  # int32 [C], as `cull_chunks` writes it
     pose: bytes = field(repr=False)  # identifies the camera and its pose
     touched: NDArray[np.int32] = field(
         repr=False

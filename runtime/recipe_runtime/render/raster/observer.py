@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.optics import bends
+from recipe_compiler.ir.optics import bends, focal_length
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.timings import Timings
@@ -34,7 +34,8 @@ from recipe_runtime.render.raster.visibility_kernels import (
     transform_visible_vertices,
 )
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
-from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.scene.chunking import CHUNK
+from recipe_runtime.render.scene.geometry import Geometry
 
 _POSE_CACHE_SIZE = 4  # 10 MB each at 800 x 600
 _VERTEX_POOL_SIZE = 3  # arrays of vertices kept for a pose
@@ -75,17 +76,28 @@ class Observer:
             OrderedDict()
         )  # None: observed once, so the camera may be moving
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
-        """Return the observation of one frame; `parts` [P, 3, 4] are the world transforms of the moving parts."""
+    def observe(
+        self, camera: CameraPlan, world_from_sensor: Array, parts: Array, focal: float | None = None
+    ) -> Observation:
+        """Return the observation of one frame.
+
+        Args:
+            camera: The camera.
+            world_from_sensor: Its pose, [3, 4].
+            parts: World transforms of the moving parts, [P, 3, 4].
+            focal: Focal length of the picture for which the objects' levels are chosen, in its pixels; of the camera
+                itself if it is None.
+        """
+        focal = focal or focal_length(camera)
         if len(parts) != self._g.parts:
             raise ValueError(f"{len(parts)} transforms were given for {self._g.parts} moving parts")
-        pose = world_from_sensor.tobytes() + camera.model_dump_json().encode()
-        still = self._still(pose, camera, world_from_sensor, parts)
+        pose = world_from_sensor.tobytes() + f"{camera.model_dump_json()} {focal!r}".encode()
+        still = self._still(pose, camera, focal, world_from_sensor, parts)
         with self._timings("transform"):
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
-            chunks = self._chunks(undistorted_camera(camera), matrices)
+            chunks = self._chunks(undistorted_camera(camera), focal, matrices)
             vertices = self._transform(matrices, chunks, still)
-            projected, reach = self._projected(camera, vertices)
+            projected, reach = self._projected(camera, vertices, chunks)
             # Lens distortion bends edges beyond the box of their ends, so this shortcut is valid for pinholes only.
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
@@ -159,7 +171,9 @@ class Observer:
             out_keys=keys,
         )
 
-    def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _StaticView | None:
+    def _still(
+        self, pose: bytes, camera: CameraPlan, focal: float, world_from_sensor: Array, parts: Array
+    ) -> _StaticView | None:
         """Return the static view of a pose; None at the first frame from a pose, which may not occur again."""
         if not self._reuse or bends(camera):
             return None
@@ -167,7 +181,7 @@ class Observer:
         still = self._poses.pop(pose, None)
         if known and still is None:
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
-            chunks, labels = self._chunks(undistorted_camera(camera), matrices), Labels.empty(camera, self._device)
+            chunks, labels = self._chunks(camera, focal, matrices), Labels.empty(camera, self._device)
             vertices = self._transform(matrices, chunks, None)
             keys = self.visibility(camera, vertices, chunks, side=1, still=True)
             with self._timings("label"):
@@ -178,10 +192,10 @@ class Observer:
             self._poses.popitem(last=False)
         return still
 
-    def _chunks(self, camera: CameraPlan, transforms: DeviceArray) -> DeviceArray:
-        """Return which chunks of triangles may be visible, int32 [C]."""
+    def _chunks(self, camera: CameraPlan, focal: float, transforms: DeviceArray) -> DeviceArray:
+        """Return which chunks of triangles may be visible, int32 [C]: `triangles.IN_VIEW`."""
         visible = wp.empty(max(self._g.chunk_count, 1), dtype=wp.int32, device=self._device)
-        passes.cull_chunks(self._g, transforms, camera, visible, self._device)
+        passes.cull_chunks(self._g, transforms, camera, focal, visible, self._device)
         return visible
 
     def _transform(self, transforms: DeviceArray, chunks: DeviceArray, still: _StaticView | None) -> DeviceArray:
@@ -244,10 +258,12 @@ class Observer:
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
-    def _projected(self, camera: CameraPlan, vertices: DeviceArray) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def _projected(
+        self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray
+    ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Return the moving bodies' unclipped boxes, and those of their cuts by the near plane, each [E, 5]."""
         extents, reach = self._extents(), self._extents()
-        passes.project_boxes(self._g, vertices, camera, extents, reach, self._device)
+        passes.project_boxes(self._g, vertices, seen, camera, extents, reach, self._device)
         return extents.numpy(), reach.numpy()
 
     def _extents(self) -> DeviceArray:

@@ -13,13 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from recipe_compiler.ir.plan import CameraPlan
 
+from recipe_runtime.meshes.mesh import REFERENCE_FOCAL
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import bin_kernels, label_kernels, visibility_kernels
 from recipe_runtime.render.raster.distortion import distortion_of
 from recipe_runtime.render.scene.camera import pinhole_of
-from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.scene.chunking import CHUNK
+from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.scene.pinhole import Pinhole
 
 ACTORS_PER_WORD = 64  # one bit each in a 64-bit word
@@ -82,15 +84,17 @@ def transform_vertices(
 
 
 def cull_chunks(
-    g: Geometry, transforms: DeviceArray, camera: CameraPlan, out_visible: DeviceArray, device: str
+    g: Geometry, transforms: DeviceArray, camera: CameraPlan, focal: float, out_visible: DeviceArray, device: str
 ) -> None:
-    """Find the chunks that may be visible."""
+    """Find the chunks that may be visible; objects have the level of a picture whose focal length is `focal` pixels."""
     if g.chunk_count:
+        nearer = REFERENCE_FOCAL / focal
         launch(
             visibility_kernels.cull_chunks,
             g.chunk_count,
             device,
-            **fields_of(g, "chunks", "chunk_centres", "chunk_halves"),
+            **fields_of(g, "chunks", "chunk_centres", "chunk_halves", "chunk_level", "levels"),
+            nearer=nearer * nearer,
             transforms=transforms,
             pinhole=pinhole_of(camera, 1),
             out_visible=out_visible,
@@ -183,6 +187,7 @@ def count_amodal(
 def project_boxes(
     g: Geometry,
     vertices: DeviceArray,
+    chunk_visible: DeviceArray,
     camera: CameraPlan,
     out_extents: DeviceArray,
     out_reach: DeviceArray,
@@ -192,14 +197,15 @@ def project_boxes(
 
     Both are in 1/256 pixels.
     """
-    if g.triangle_count > g.static_triangles:
+    if g.chunk_count > g.static_chunks:
         launch(
             label_kernels.project_boxes,
-            g.triangle_count - g.static_triangles,
+            (g.chunk_count - g.static_chunks) * CHUNK,
             device,
             vertices=vertices,
-            **fields_of(g, "triangles", "vertex_part", "part_extent"),
-            first_triangle=g.static_triangles,
+            **fields_of(g, "triangles", "chunks", "part_extent"),
+            chunk_visible=chunk_visible,
+            first_chunk=g.static_chunks,
             pinhole=pinhole_of(camera, 1),
             distortion=distortion_of(camera),
             out_extents=out_extents,

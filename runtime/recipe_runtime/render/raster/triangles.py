@@ -9,6 +9,8 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 wp.set_module_options(OPTIONS)
 
 NEARNESS = wp.constant(wp.float64(1099511627775.0))  # 2^40 - 1
+IN_VIEW = wp.constant(1)  # of a chunk that may be in the view
+OTHER_LEVEL = wp.constant(-1)  # of a chunk of another version of an object than the one that the picture shows
 GUARD_BAND = wp.constant(wp.float64(536870912.0))  # 2^29: corners beyond this many 1/256 pixels would overflow
 
 
@@ -131,7 +133,7 @@ def visible_triangle(
     It is -1 if there is none, or if its chunk is not visible.
     """
     n = first_chunk + (place >> 6)
-    if chunk_visible[n] == 0:
+    if chunk_visible[n] != IN_VIEW:
         return -1
     chunk = chunks[n]
     if (place & 63) >= chunk[1]:

@@ -11,9 +11,11 @@ on the order.
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import nonnegative
-from recipe_runtime.render.numeric.vectors import box_extent, transform_point
+from recipe_runtime.render.numeric.vectors import box_extent, dot, transform_point
 from recipe_runtime.render.raster.triangles import (
+    IN_VIEW,
     NEARNESS,
+    OTHER_LEVEL,
     Corner,
     actor_bit,
     clipped_piece,
@@ -22,6 +24,7 @@ from recipe_runtime.render.raster.triangles import (
     top_left_bias,
     visible_triangle,
 )
+from recipe_runtime.render.scene.level_range import LevelRange
 from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
@@ -55,7 +58,7 @@ def transform_visible_vertices(
 ):
     """Transform the vertices of the visible chunks, as `transform_vertices` does; the others keep their values."""
     n = wp.tid()
-    if chunk_visible[n] == 0:
+    if chunk_visible[n] != IN_VIEW:
         return
     part = chunks[n][2]
     for i in range(chunk_vertices[n][0], chunk_vertices[n][1]):
@@ -73,12 +76,26 @@ def cull_chunks(
     chunks: wp.array[wp.vec3i],
     chunk_centres: wp.array[wp.vec3f],
     chunk_halves: wp.array[wp.vec3f],
+    chunk_level: wp.array[wp.int32],
+    levels: wp.array[LevelRange],
+    nearer: wp.float32,
     transforms: wp.array2d[wp.float32],
     pinhole: Pinhole,
     out_visible: wp.array[wp.int32],
 ):
-    """Write 1 for every chunk whose box may overlap the view frustum, otherwise 0."""
+    """Write IN_VIEW for every chunk whose box may overlap the view frustum, otherwise 0.
+
+    OTHER_LEVEL if the picture shows another version of the object. `nearer` is the square of the distance in which the
+    reference camera shows objects as large as this one does at one metre.
+    """
     i = wp.tid()
+    if chunk_level[i] >= 0:
+        level = levels[chunk_level[i]]
+        anchor = transform_point(transforms, level.part, level.anchor)
+        away = dot(anchor, anchor) * nearer
+        if away < level.near or away >= level.far:
+            out_visible[i] = OTHER_LEVEL
+            return
     part = chunks[i][2]
     half = chunk_halves[i]
     c = transform_point(transforms, part, chunk_centres[i])
@@ -95,7 +112,7 @@ def cull_chunks(
     across = across and inside_plane(c, right, box_extent(transforms, part, half, right), slack)
     across = across and inside_plane(c, top, box_extent(transforms, part, half, top), slack)
     across = across and inside_plane(c, bottom, box_extent(transforms, part, half, bottom), slack)
-    out_visible[i] = int(ahead and across)
+    out_visible[i] = wp.where(ahead and across, IN_VIEW, 0)
 
 
 @wp.func

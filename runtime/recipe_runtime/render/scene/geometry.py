@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern
-from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.scene.chunking import by_level, chunk_starts, level_casts, level_range
+from recipe_runtime.render.scene.level_range import LevelRange
 
 # Flat ground casts no shadow; without it in the shadow maps, rounding cannot make it shadow itself.
 _GROUND_TAGS = frozenset({Tag.ROADS, Tag.SIDEWALKS, Tag.TERRAIN, Tag.WATER, Tag.ROAD_LINES, Tag.GROUND})
-CHUNK = 64  # triangles that are culled together
 MAX_TRIANGLES = 1 << 24  # a visibility key has 24 bits for the triangle
 
 
@@ -72,6 +73,8 @@ class Geometry:
     chunk_centres: DeviceArray  # vec3f [C], of the chunk's box in the part's frame
     chunk_halves: DeviceArray  # vec3f [C], half its size
     chunk_vertices: DeviceArray  # vec2i [C], range of vertices that contains the chunk's, and perhaps others
+    chunk_level: DeviceArray  # int32 [C], index into `levels`; -1 if the chunk is shown at all distances
+    levels: DeviceArray  # LevelRange [at least 1]
     surface_actor: DeviceArray  # int32 [S]
     surface_instance: DeviceArray  # int32 [S]
     surface_tag: DeviceArray  # int32 [S]
@@ -83,7 +86,6 @@ class Geometry:
     bounds: NDArray[np.float64]  # [2, 3], the static geometry's box in the world
     extent_rows: int  # moving bodies: the actors, then the traffic lights
     static_vertices: int
-    static_triangles: int
     static_chunks: int
     chunk_count: int
     vertex_count: int
@@ -121,21 +123,23 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
     packer = _Packer()
     for body in town:
         for _, mesh in body.parts:
-            packer.add(body, mesh, part=0, actor=-1)
-    still = packer.vertex_count, packer.triangle_count, packer.chunk_count
+            packer.add(body, mesh, part=0, base=0, actor=-1)
+    still = packer.vertex_count, packer.chunk_count
     actors: list[Actor] = []
     bounds: list[NDArray[np.float64]] = []
     for index, body in enumerate(moving):
+        base = len(bounds) + 1
         actors.append(
             Actor(body.name, body.instance, len(bounds), len(body.parts), tuple(name for name, _ in body.parts))
         )
         for _, mesh in body.parts:
             bounds.append(_box(mesh.vertices))
-            packer.add(body, mesh, part=len(bounds), actor=index)
+            packer.add(body, mesh, part=len(bounds), base=base, actor=index)
     for body in signals:
+        base = len(bounds) + 1
         for _, mesh in body.parts:
             bounds.append(_box(mesh.vertices))
-            packer.add(body, mesh, part=len(bounds), actor=-1)
+            packer.add(body, mesh, part=len(bounds), base=base, actor=-1)
     counts = [len(body.parts) for body in moving + signals]
     part_extent = np.concatenate([[-1], np.repeat(np.arange(len(counts)), np.array(counts, np.int64))])
     return packer.finish(device, tuple(actors), bounds, part_extent, still)
@@ -151,9 +155,11 @@ class _Packer:
         self._chunks: dict[str, list[NDArray[np.generic]]] = {}
         self._surfaces: dict[SurfaceKey, int] = {}
         self._lights: list[MountedLight] = []
+        self._levels: list[LevelRange] = []
 
-    def add(self, body: Body, mesh: Mesh, part: int, actor: int) -> None:
-        """Append the mesh of one part."""
+    def add(self, body: Body, mesh: Mesh, part: int, base: int, actor: int) -> None:
+        """Append the mesh of one part; `base` is the body's base part."""
+        mesh = by_level(mesh)
         numbers = [self._number(body, mesh, row, actor) for row in range(len(mesh.surfaces))]
         casts = np.array([s.tag not in _GROUND_TAGS and not body.is_signal for s in mesh.surfaces], np.int32)
         surface = mesh.surface.astype(np.int64)
@@ -164,8 +170,9 @@ class _Packer:
         self._put("triangles", mesh.triangles.astype(np.int32) + self.vertex_count)
         self._put("face_normals", _face_normals(mesh))
         self._put("triangle_surface", np.array(numbers, np.int32)[surface])
-        self._put("casts", casts[surface])
+        self._put("casts", casts[surface] * level_casts(mesh))
         self._chunk(mesh, part)
+        self._levels += [level_range(level, base) for level in mesh.levels]
         self._lights += [MountedLight(part, light) for light in mesh.lights]
         self.vertex_count += len(mesh.vertices)
         self.triangle_count += len(mesh.triangles)
@@ -176,12 +183,12 @@ class _Packer:
         actors: tuple[Actor, ...],
         boxes: list[Any],
         part_extent: NDArray[np.int64],
-        still: tuple[int, int, int],
+        still: tuple[int, int],
     ) -> Geometry:
         """Upload all chunks."""
         if self.triangle_count >= MAX_TRIANGLES:
             raise ValueError(f"{self.triangle_count} triangles are more than a scene can hold ({MAX_TRIANGLES})")
-        static_vertices, static_triangles, static_chunks = still
+        static_vertices, static_chunks = still
         columns = {name: np.concatenate(chunks) for name, chunks in self._chunks.items()}
         kinds = {"vertices": wp.vec3f, "normals": wp.vec3f, "face_normals": wp.vec3f, "uvs": wp.vec2f}
         kinds |= {"triangles": wp.vec3i, "chunks": wp.vec3i, "chunk_centres": wp.vec3f, "chunk_halves": wp.vec3f}
@@ -196,6 +203,7 @@ class _Packer:
 
         return Geometry(
             **arrays,
+            levels=struct_array(self._levels or [LevelRange()], device),
             part_extent=table(part_extent),
             surface_actor=table([k.actor for k in keys]),
             surface_instance=table([k.instance for k in keys]),
@@ -208,7 +216,6 @@ class _Packer:
             bounds=_box(columns["vertices"][:static_vertices] if static_vertices else columns["vertices"]),
             extent_rows=int(part_extent.max()) + 1,
             static_vertices=static_vertices,
-            static_triangles=static_triangles,
             static_chunks=static_chunks,
             chunk_count=self.chunk_count,
             vertex_count=self.vertex_count,
@@ -216,18 +223,19 @@ class _Packer:
         )
 
     def _chunk(self, mesh: Mesh, part: int) -> None:
-        """Append the boxes of the mesh's triangles, CHUNK triangles at a time."""
-        count = len(mesh.triangles)
-        starts = np.arange(0, count, CHUNK, dtype=np.int32)
+        """Append the boxes of the mesh's triangles, at most CHUNK triangles of one level at a time."""
+        starts = chunk_starts(mesh)
         corners = mesh.vertices.astype(np.float32)[mesh.triangles]
         low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
         high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
-        sizes = np.minimum(CHUNK, count - starts).astype(np.int32)
+        sizes = np.diff(starts, append=np.int32(len(mesh.triangles)))
         rows = np.stack([starts + self.triangle_count, sizes, np.full_like(starts, part)], axis=1)
         self._put("chunks", rows)
         first, last = mesh.triangles.min(axis=1), mesh.triangles.max(axis=1)
         ends = np.minimum.reduceat(first, starts), np.maximum.reduceat(last, starts) + 1
         self._put("chunk_vertices", (np.stack(ends, axis=1) + self.vertex_count).astype(np.int32))
+        shown = np.full_like(starts, -1) if mesh.level is None else mesh.level[starts]
+        self._put("chunk_level", np.where(shown < 0, -1, shown + len(self._levels)).astype(np.int32))
         self._put("chunk_centres", (low + high) * np.float32(0.5))
         self._put("chunk_halves", (high - low) * np.float32(0.5))
         self.chunk_count += len(starts)

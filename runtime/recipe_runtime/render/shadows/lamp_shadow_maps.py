@@ -13,7 +13,8 @@ from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_
 from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts
-from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.scene.chunking import CHUNK
+from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.shadows import lamp_shadow_kernels as kernels
 from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps, StaticLampMap
 from recipe_runtime.render.shadows.lamp_slots import MAP_KINDS, MAP_NAMES, SLOTS, STATIC_SLOTS, LampSlots

@@ -14,7 +14,8 @@ from recipe_runtime.render.device.launch import fields_of, launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster.passes import transform_vertices
 from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts
-from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.scene.chunking import CHUNK
+from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.shadows import shadow_kernels
 from recipe_runtime.render.shadows.shadow_kernels import TILE, Sunbeam
