@@ -110,6 +110,11 @@ def _coloured(paint: tuple[str, ...]) -> Palette:
         "rim": ("#9a9da1", "#75787c", "#b9bcc0"),
         "headlight": ("#a9b3ba",),
         "taillight": ("#7d0d12",),
+        "brakelight": ("#8f1016",),
+        "indicator_left": ("#c9741a",),
+        "indicator_right": ("#c9741a",),
+        "reverselight": ("#c9ccce",),
+        "seats": ("#26272a", "#3a3733", "#5f5548"),
         "plate": ("#d9d7cf",),
     }
 

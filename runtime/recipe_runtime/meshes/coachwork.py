@@ -57,21 +57,32 @@ class Finish:
     rim: Surface
     headlight: Surface
     taillight: Surface
+    brakelight: Surface
+    indicators: tuple[Surface, Surface]  # left, right
+    reverselight: Surface
     plate: Surface
+    number: Surface
+    mirror: Surface
 
     @classmethod
     def of(cls, tag: int, lit: bool = True) -> Finish:
         """Return the surfaces with a semantic tag; lamps stay dark at night unless `lit`."""
-        ahead, behind = (Pattern.HEADLIGHT, Pattern.TAILLIGHT) if lit else (Pattern.LENS, Pattern.LENS)
+        names = (Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.BRAKELIGHT, Pattern.INDICATOR, Pattern.REVERSELIGHT)
+        ahead, behind, brake, turn, back = names if lit else (Pattern.LENS,) * 5
         return cls(
             Surface("paint", Pattern.CAR_PAINT, tag),
-            Surface("glass", Pattern.GLASS, tag),
+            Surface("glass", Pattern.CABIN, tag),
             Surface("trim", Pattern.PLAIN, tag),
             Surface("rubber", Pattern.RUBBER, tag),
             Surface("rim", Pattern.METAL, tag),
             Surface("headlight", ahead, tag),
             Surface("taillight", behind, tag),
+            Surface("brakelight", brake, tag),
+            (Surface("indicator_left", turn, tag), Surface("indicator_right", turn, tag)),
+            Surface("reverselight", back, tag),
             Surface("plate", Pattern.PLAIN, tag),
+            Surface("plate", Pattern.NUMBER_PLATE, tag),
+            Surface("glass", Pattern.GLASS, tag),
         )
 
 

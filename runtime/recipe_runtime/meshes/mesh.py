@@ -31,8 +31,8 @@ class Pattern(IntEnum):
     GLASS = 16  # vehicle glass
     WINDOW = 17  # floor(uv) is the window's number (some are lit at night), fract(uv) the position in the pane
     LAMP = 18  # emits light at night
-    HEADLIGHT = 19  # emits light at night
-    TAILLIGHT = 20  # emits light at night
+    HEADLIGHT = 19  # emits light at night; fract(uv) is the position in a reflector
+    TAILLIGHT = 20  # emits light at night; uv as for `HEADLIGHT`
     HAIR = 21
     LENS = 22  # the glass of a vehicle lamp that is never lit
     CLAPBOARD = 30  # overlapping horizontal boards, uv in metres
@@ -46,6 +46,11 @@ class Pattern(IntEnum):
     FACADE = 39  # numbered like WINDOW; a window and the wall around it, for distant buildings
     SIGNAL = 40  # a lit signal lens: it emits light by day and by night
     IMAGE = 41  # an image texture, uv (0, 0) at its top-left corner; without a texture, the slot's colour
+    BRAKELIGHT = 55  # uv as for `HEADLIGHT`
+    INDICATOR = 56  # uv as for `HEADLIGHT`
+    REVERSELIGHT = 57  # uv as for `HEADLIGHT`
+    CABIN = 58  # vehicle glass with the interior behind it; uv is that of `meshes.cabin`
+    NUMBER_PLATE = 59  # floor(u) is the character's place, fract(u) and v the position in it
     POSTER = 37  # floor(u) is the picture's number, fract(uv) the position in it
 
 

@@ -153,7 +153,7 @@ def _mirrors(b: Builder, f: Finish, shell: Shell, body: int) -> None:
             c, m = s * (y0 + 0.05 + wide / 2), z + tall / 2
             ring = [(x + x1, c + k * wide / 2 * cy, m + k * tall / 2 * cz) for cy, cz in _OVAL]
             rings.append(ring)
-        b.grid(f.trim if heavy else f.paint, rings, crease=0.3, caps=(f.glass, f.trim))
+        b.grid(f.trim if heavy else f.paint, rings, crease=0.3, caps=(f.mirror, f.trim))
         y, y1 = sorted((s * (y0 - 0.06), s * (y0 + 0.1)))
         b.box(f.trim, (x - 0.03, y, z + 0.005), (x + 0.04, y1, z + 0.04))
 

@@ -140,7 +140,7 @@ def material_of(
     elif pattern == Pattern.CAR_PAINT:
         m.coat = 0.05
         m.gloss = 0.94
-    elif pattern == Pattern.GLASS:
+    elif pattern == Pattern.GLASS or pattern == Pattern.CABIN:
         m.albedo = first * 0.35
         m.coat = 0.09
         m.gloss = 0.97
@@ -159,7 +159,12 @@ def material_of(
         m.glow = first * (air[0].night * air[0].emissive_gain * 6.0e-3)
         m.coat = 0.08
         m.gloss = 0.9
-    elif pattern == Pattern.LENS:
+    elif (
+        pattern == Pattern.LENS
+        or pattern == Pattern.BRAKELIGHT
+        or pattern == Pattern.INDICATOR
+        or pattern == Pattern.REVERSELIGHT
+    ):
         m.coat = 0.14
         m.gloss = 0.9
     elif pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS:

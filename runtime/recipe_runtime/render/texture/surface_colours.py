@@ -22,13 +22,15 @@ _FALLBACK = {
     Pattern.BARK: "#5a4634", Pattern.METAL: "#50565a", Pattern.SKIN: "#c49074", Pattern.CLOTH: "#5a6070",
     Pattern.RUBBER: "#1c1c1e", Pattern.ROAD_PAINT: "#e4e4de", Pattern.CAR_PAINT: "#8c9298", Pattern.GLASS: "#20262a",
     Pattern.WINDOW: "#d8d6d0", Pattern.LAMP: "#ffdca8", Pattern.HEADLIGHT: "#fff4e0", Pattern.TAILLIGHT: "#c01818",
+    Pattern.BRAKELIGHT: "#a01018", Pattern.INDICATOR: "#d07818", Pattern.REVERSELIGHT: "#c9ccce",
+    Pattern.CABIN: "#20262a", Pattern.NUMBER_PLATE: "#d9d7cf", Pattern.LENS: "#a9b3ba",
     Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6", Pattern.STONE: "#a8a196",
     Pattern.WOOD: "#7a5a3e", Pattern.WATER: "#4a6468", Pattern.NICHE: "#b0aaa0", Pattern.CURTAIN_WALL: "#56646c",
     Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c",
     Pattern.IMAGE: "#909090", Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660", Pattern.SIGNAL: "#ff3b2a",
 }  # fmt: skip
 _PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)
-_AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall"}  # the slot that gives their second colour
+_AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall", Pattern.CABIN: "seats"}  # the slot that gives their second colour
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
 
 
@@ -64,6 +66,10 @@ def _second(key: SurfaceKey, first: Any) -> Any:
         return 0.35 * first
     if key.pattern == Pattern.POSTER:
         return np.array([0.72, 0.69, 0.62])
+    if key.pattern == Pattern.NUMBER_PLATE:
+        return np.array([0.02, 0.02, 0.025])
+    if key.pattern == Pattern.CABIN:
+        return np.array([0.05, 0.048, 0.045])
     if key.pattern == Pattern.LETTER:
         return np.array([0.03, 0.03, 0.03]) if float(first[1]) > 0.25 else np.array([0.75, 0.71, 0.6])
     if key.pattern in (Pattern.FOLIAGE, Pattern.GRASS):
