@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets tables paper attack-study attack-goals lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets tables paper attack-study attack-goals evidence-pictures lock verify golden requirements clean test-ray bench-ray
 
 # The tests start about a hundred processes; each starts half a second sooner if compiled modules are kept.
 unexport PYTHONDONTWRITEBYTECODE
@@ -145,6 +145,11 @@ attack-study: install-dev  ## attack two detectors trained on photographs, and w
 attack-goals: install-dev  ## hide people and cars from detectors, mislead a tracker, and write docs/attack-goals.md (two hours on two cores; installs PyTorch and tflite)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
 	$(BIN)/python -m examples.attacks.goals --page docs/attack-goals.md
+
+evidence-pictures: install-dev  ## show crowds in four towns to two detectors, and write datasets/pictures.json (ten minutes; installs PyTorch and tflite)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'tflite==2.18.0'
+	mkdir -p datasets
+	$(BIN)/python -m benchmarks.pictures --out datasets/pictures.json
 
 verify: install  ## render sampled frames again, and compare them with all lockfiles
 	$(BIN)/recipe verify $(LOCKED)

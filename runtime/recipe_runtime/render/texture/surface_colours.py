@@ -30,7 +30,11 @@ _FALLBACK = {
     Pattern.IMAGE: "#909090", Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660", Pattern.SIGNAL: "#ff3b2a",
 }  # fmt: skip
 _PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)
-_AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall", Pattern.CABIN: "seats"}  # the slot that gives their second colour
+_AROUND = {
+    **dict.fromkeys(_PANES, "frame"),
+    Pattern.FACADE: "wall",
+    Pattern.CABIN: "seats",
+}  # the slot that gives their second colour
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
 
 

@@ -1,0 +1,1 @@
+"""How well detectors trained on photographs see the actors of rendered pictures."""
