@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body import riding, walk_cycle
@@ -25,9 +24,10 @@ from recipe_runtime.body.kinematics import IDENTITY, PartPose
 from recipe_runtime.body.skeleton import Bike, Figure, has_rider, is_person
 from recipe_runtime.body.wheels import Cars
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.transforms import Array, compose, invert, rigid_transform, transform_points
+from recipe_runtime.core.transforms import Array, compose, invert, rigid_transform
 from recipe_runtime.meshes.actors import SHAPES_CACHE_SIZE, shape_parts
 from recipe_runtime.meshes.mesh import Body, Mesh
+from recipe_runtime.meshes.skin import BodyVertices, split_parts
 
 _SOLES = ("foot_left", "foot_right")
 
@@ -92,7 +92,7 @@ class TightBoxes:
     def __init__(self, trace: Trace, bodies: Sequence[Body]) -> None:
         self._trace = trace
         self._bodies = {body.name: body for body in bodies}
-        self._vertices: dict[int, tuple[NDArray[np.intp], Array]] = {}  # by the parts that bodies of a shape share
+        self._vertices: dict[int, BodyVertices] = {}  # by the parts that bodies of a shape share
 
     def extent(self, actor: str, parts: Array) -> Extent:
         """Return the lowest and highest corner of an actor's tight box in the frame of its base part.
@@ -101,38 +101,22 @@ class TightBoxes:
             actor: Name of the actor.
             parts: World-from-part transforms of the Trace at a frame, [P, 3, 4].
         """
-        shape = id(self._bodies[actor].parts)
-        if shape not in self._vertices:
-            self._vertices[shape] = self._collect(actor)
-        owners, vertices = self._vertices[shape]
+        shape = self._bodies[actor].parts
+        if id(shape) not in self._vertices:
+            self._vertices[id(shape)] = BodyVertices.of(shape)
         rows = self._trace.actor_parts(actor)
-        placed = compose(invert(parts[rows[0]]), parts[rows])
-        x, y, z = vertices
-        t = np.take(placed.reshape(-1, 12).T, owners, axis=1).reshape(3, 4, -1)
-        moved = t[:, 0] * x + t[:, 1] * y + t[:, 2] * z + t[:, 3]
+        moved = self._vertices[id(shape)].placed(compose(invert(parts[rows[0]]), parts[rows]))
         return moved.min(axis=1), moved.max(axis=1)
-
-    def _collect(self, actor: str) -> tuple[NDArray[np.intp], Array]:
-        """Return the part (its number within the actor) of every distinct vertex, and the vertices [3, V]."""
-        owners, found = [], []
-        for number, row in enumerate(self._trace.actor_parts(actor)):
-            vertices = _distinct(self._bodies[actor].mesh(self._trace.parts[row].rpartition("/")[2]))
-            owners.append(np.full(len(vertices), number, np.intp))
-            found.append(vertices)
-        return np.concatenate(owners), np.ascontiguousarray(np.concatenate(found).T)
 
 
 @lru_cache(maxsize=SHAPES_CACHE_SIZE)
 def _shape_box(sorted_shape: tuple[tuple[str, float], ...], tag: int) -> BodyBox:
     shape = dict(sorted_shape)
-    low, high, soles = np.full(3, np.inf), np.full(3, -np.inf), []
-    for (name, mesh), pose in zip(shape_parts(shape, tag), _neutral_pose(shape), strict=True):
-        vertices = _distinct(mesh)
-        placed = transform_points(rigid_transform(*pose), vertices)
-        low, high = np.minimum(low, placed.min(axis=0)), np.maximum(high, placed.max(axis=0))
-        if is_person(shape) and name in _SOLES:
-            soles.append((name, vertices))
+    parts, poses = shape_parts(shape, tag), [rigid_transform(*pose) for pose in _neutral_pose(shape)]
+    placed = BodyVertices.of(parts).placed(np.stack(poses))
+    low, high, soles = placed.min(axis=1), placed.max(axis=1), []
     if is_person(shape):
+        soles = [(name, _distinct(mesh)) for name, mesh in split_parts(parts) if name in _SOLES]
         high[2] -= low[2]
     low[2] = 0.0
     return BodyBox(low, high, tuple(soles))

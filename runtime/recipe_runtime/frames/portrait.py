@@ -22,6 +22,7 @@ from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.actors import actor_body
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
+from recipe_runtime.meshes.skin import BodyVertices
 
 _FIELD = 24.0  # degrees: a long lens, so that near and far keep their proportions
 _MARGIN = 1.1
@@ -84,11 +85,7 @@ def matrices(parts: Sequence[PartPose]) -> Array:
 
 
 def _points(body: Body, parts: Array) -> Array:
-    found = []
-    for (_, mesh), t in zip(body.parts, parts, strict=True):
-        v = mesh.vertices.astype(np.float64)
-        found.append(v[:, 0:1] * t[:, 0] + v[:, 1:2] * t[:, 1] + v[:, 2:3] * t[:, 2] + t[:, 3])
-    return np.concatenate(found)
+    return BodyVertices.of(body.parts).placed(parts).T
 
 
 def _standpoint(points: Array, camera: CameraPlan, view: Viewpoint) -> Pose:

@@ -40,6 +40,7 @@ def _parts(sorted_shape: tuple[tuple[str, float], ...], tag: int, lit: bool) -> 
     else:
         parts = vehicle_parts(shape, tag, lit)
     for _, mesh in parts:
-        for array in (mesh.vertices, mesh.normals, mesh.uvs, mesh.triangles, mesh.surface):
+        skin = () if mesh.skin is None else (mesh.skin.parts, mesh.skin.weights, mesh.skin.origins)
+        for array in (mesh.vertices, mesh.normals, mesh.uvs, mesh.triangles, mesh.surface, *skin):
             array.flags.writeable = False
     return parts

@@ -13,10 +13,12 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 
+from recipe_runtime.body.skeleton import Joint
+from recipe_runtime.meshes.merging import distinct
 from recipe_runtime.meshes.mesh import Level, Light, Mesh, Surface
+from recipe_runtime.meshes.skin import Influences, joined, skin_of
 from recipe_runtime.meshes.smoothing import Sheet, flatten
 from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
@@ -70,13 +72,22 @@ class Builder:
         self._triangles: list[Index] = []
         self._ids: list[Index] = []
         self._level_ids: list[Index] = []
+        self._influences: list[Influences | None] = []  # of the points, None: those of the base part
         self._levels: dict[Level, int] = {}
         self._level = -1  # of the triangles that are added; -1: shown at all distances
         self._count = 0
         self._quads: dict[tuple[Surface, bool], list[tuple[Array, Array]]] = {}
         self.lights: list[Light] = []
 
-    def add(self, surface: Surface, points: Array, normals: Array, uvs: Array, triangles: Index) -> None:
+    def add(
+        self,
+        surface: Surface,
+        points: Array,
+        normals: Array,
+        uvs: Array,
+        triangles: Index,
+        influences: Influences | None = None,
+    ) -> None:
         """Add triangles of one surface.
 
         Args:
@@ -85,17 +96,28 @@ class Builder:
             normals: Unit normals [N, 3].
             uvs: Texture coordinates [N, 2].
             triangles: Indices of vertices [T, 3].
+            influences: The parts that the vertices of a skin follow; None: the base part.
         """
         self._settle()
-        self._append(points, normals, uvs, triangles, np.full(len(triangles), self._number(surface), np.int64))
+        ids = np.full(len(triangles), self._number(surface), np.int64)
+        self._append(points, normals, uvs, triangles, ids, influences)
 
-    def _append(self, points: Array, normals: Array, uvs: Array, triangles: Index, ids: Index) -> None:
+    def _append(
+        self,
+        points: Array,
+        normals: Array,
+        uvs: Array,
+        triangles: Index,
+        ids: Index,
+        influences: Influences | None,
+    ) -> None:
         self._points.append(points)
         self._normals.append(normals)
         self._uvs.append(uvs)
         self._triangles.append(triangles + self._count)
         self._ids.append(ids)
         self._level_ids.append(np.full(len(ids), self._level, np.int32))
+        self._influences.append(influences)
         self._count += len(points)
 
     def _number(self, surface: Surface) -> int:
@@ -181,6 +203,7 @@ class Builder:
         closed: bool = True,
         crease: float = 0.5,
         caps: tuple[Surface | None, Surface | None] = (None, None),
+        influences: Influences | None = None,
     ) -> None:
         """Add a curved surface through rings of points.
 
@@ -192,6 +215,7 @@ class Builder:
             closed: Whether each ring's end is joined to its start.
             crease: Cosine of the largest angle between faces that share normals.
             caps: Surfaces that close the first and the last ring; None leaves an end open.
+            influences: The parts that the points of a skin follow, ring by ring; None: the base part.
         """
         p = np.asarray(points, np.float64)
         rows, columns = p.shape[:2]
@@ -209,11 +233,28 @@ class Builder:
                 fan = [(order[0], order[k], order[k + 1]) for k in range(1, columns - 1)]
                 triangles = np.concatenate([triangles, np.array(fan, triangles.dtype)])
                 runs.append((cap, len(fan)))
-        self._pending.append(Sheet(runs, p.reshape(-1, 3), triangles, crease))
+        self._pending.append(Sheet(runs, p.reshape(-1, 3), triangles, crease, influences))
 
-    def smooth(self, surface: Surface, points: Array, triangles: Index, crease: float) -> None:
-        """Add triangles over shared points; normals are shared across edges flatter than the crease (a cosine)."""
-        self._pending.append(Sheet([(surface, len(triangles))], points, triangles, crease))
+    def smooth(
+        self,
+        surface: Surface | Sequence[tuple[Surface | None, int]],
+        points: Array,
+        triangles: Index,
+        crease: float,
+        influences: Influences | None = None,
+    ) -> None:
+        """Add triangles over shared points; normals are shared across edges flatter than the crease.
+
+        Args:
+            surface: One surface for all triangles, or the surfaces of consecutive triangles with their numbers; None
+            leaves a hole.
+            points: Points [N, 3].
+            triangles: Indices of points [T, 3].
+            crease: Cosine of the largest angle between faces that share normals.
+            influences: The parts that the points of a skin follow; None: the base part.
+        """
+        runs = [(surface, len(triangles))] if isinstance(surface, Surface) else surface
+        self._pending.append(Sheet(runs, points, triangles, crease, influences))
 
     def _settle(self) -> None:
         """Number the pending surfaces and add the pending sheets in one pass, which is faster than one by one."""
@@ -232,10 +273,21 @@ class Builder:
         table = np.array([numbers.get(code, -1) for code in range(len(flat.surfaces))], np.int64)
         uvs = _plane_uv(flat.corners, flat.faces).reshape(-1, 2)
         index = np.arange(3 * len(flat.codes), dtype=np.int64).reshape(-1, 3)
-        self._append(flat.corners.reshape(-1, 3), flat.normals.reshape(-1, 3), uvs, index, table[flat.codes])
+        followed = None
+        if any(sheet.influences is not None for sheet in sheets):
+            rows = joined([sheet.influences for sheet in sheets], [len(sheet.points) for sheet in sheets])
+            at = flat.points.reshape(-1)
+            followed = Influences(rows.parts[at], rows.weights[at])
+        corners, normals = flat.corners.reshape(-1, 3), flat.normals.reshape(-1, 3)
+        self._append(corners, normals, uvs, index, table[flat.codes], followed)
 
-    def mesh(self, transform: Array | None = None) -> Mesh:
-        """Return the mesh of all triangles, transformed by `transform` [3, 4] if given; equal vertices are merged."""
+    def mesh(self, transform: Array | None = None, joints: Sequence[Joint] = ()) -> Mesh:
+        """Return the mesh of all triangles; equal vertices are merged.
+
+        Args:
+            transform: Transform of the triangles [3, 4], the identity by default; not of a skin.
+            joints: The actor's joints if the mesh is a skin, with points in the frame of the base part at rest.
+        """
         self._flush()
         points, normals = np.concatenate(self._points), np.concatenate(self._normals)
         lights, levels = tuple(self.lights), tuple(self._levels)
@@ -246,7 +298,10 @@ class Builder:
         rows = np.concatenate([points, normals, np.concatenate(self._uvs)], axis=1)
         rows = (np.round(rows, 6) + 0.0).astype(np.float32)
         triangles, ids = np.concatenate(self._triangles), np.concatenate(self._ids)
-        first, inverse = _distinct(rows)
+        skin = None
+        if joints:
+            skin = skin_of(joined(self._influences, [len(points) for points in self._points]), joints)
+        first, inverse = distinct(rows, skin)
         rows = rows[first]
         return Mesh(
             vertices=np.ascontiguousarray(rows[:, 0:3]),
@@ -258,6 +313,7 @@ class Builder:
             lights=lights,
             levels=levels,
             level=np.concatenate(self._level_ids) if levels else None,
+            skin=skin and replace(skin, parts=skin.parts[first], weights=skin.weights[first]),
         )
 
 
@@ -274,19 +330,6 @@ def lattice(rows: int, columns: int, closed: bool) -> Index:
     triangles = np.stack([flat[:, [0, 1, 2]], flat[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
     triangles.flags.writeable = False
     return triangles
-
-
-def _distinct(rows: NDArray[np.float32]) -> tuple[Index, Index]:
-    """Return the indices of the first of each set of equal rows [N, 8], ascending, and each row's number among them."""
-    keys = np.ascontiguousarray(rows).view(np.uint64)  # [N, 4], two numbers each
-    order = np.lexsort(keys.T)
-    new = np.concatenate([[True], (keys[order][1:] != keys[order][:-1]).any(axis=1)])
-    first = np.minimum.reduceat(order, np.flatnonzero(new))
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
-    kind = np.empty(len(rows), np.int64)
-    kind[order] = rank[np.cumsum(new) - 1]
-    return np.sort(first), kind
 
 
 def _plane_uv(points: Array, normal: Array) -> Array:

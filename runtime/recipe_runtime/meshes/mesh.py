@@ -1,4 +1,4 @@
-"""The types of meshes: triangles in the frame of a rigid part, each with a surface, and the part's lights."""
+"""The types of meshes: triangles in the frame of a part, each with a surface, and the part's lights."""
 
 from __future__ import annotations
 
@@ -93,6 +93,21 @@ class Level:
 
 
 @dataclass(frozen=True)
+class Skin:
+    """The parts that the vertices of an actor's continuous surface follow, by weight.
+
+    Vertices and normals of the mesh are those of the rest pose: in the frame of the base part, while no joint is
+    turned, so that all parts have the actor's orientation. A vertex follows its parts rigidly, and is drawn at the mean
+    of their places, by weight.
+    """
+
+    parts: NDArray[np.int32]  # [V, K], K up to 4: indices of the actor's parts, the strongest first
+    weights: NDArray[np.uint8]  # [V, K] in 255ths, of sum 255
+    origins: NDArray[np.float64]  # [P, 3] origins of the actor's parts in the rest pose, metres
+    parents: tuple[int, ...]  # of each part, -1 for the base part
+
+
+@dataclass(frozen=True)
 class Mesh:
     """V vertices and T triangles, counter-clockwise seen from outside. Vertices are duplicated at hard edges."""
 
@@ -105,18 +120,30 @@ class Mesh:
     lights: tuple[Light, ...] = ()
     levels: tuple[Level, ...] = ()
     level: NDArray[np.int32] | None = None  # [T] index into levels, -1 for what is always shown; None without levels
+    skin: Skin | None = None  # of the mesh of a base part only; None: all vertices follow the part
 
     def seen_near_by(self) -> NDArray[np.int64]:
         """Return the vertices that near cameras see: those of the nearest version of every object, ascending."""
         if self.level is None:
             return np.arange(len(self.vertices))
         near = np.array([*(level.near == 0.0 for level in self.levels), True])
-        return np.unique(self.triangles[near[self.level]]).astype(np.int64)
+        found: NDArray[np.int64] = np.unique(self.triangles[near[self.level]]).astype(np.int64)
+        return found
+
+
+NO_MESH = Mesh(
+    np.zeros((0, 3), np.float32),
+    np.zeros((0, 3), np.float32),
+    np.zeros((0, 2), np.float32),
+    np.zeros((0, 3), np.int32),
+    np.zeros(0, np.int32),
+    (),
+)  # of a part that a skin covers
 
 
 @dataclass(frozen=True)
 class Body:
-    """An actor or a town element: its rigid parts in the order of the Trace, the base part first."""
+    """An actor or a town element: its parts in the order of the Trace, the base part first, which may have a skin."""
 
     name: str  # key of AppearancePlan.looks
     instance: int  # class * 1000 + instance for actors, 0 for the town

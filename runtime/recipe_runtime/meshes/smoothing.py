@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.meshes.mesh import Surface
+from recipe_runtime.meshes.skin import Influences
 from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
 _SLIVER = 1e-10  # twice the area below which a triangle is discarded, square metres
@@ -29,6 +30,7 @@ class Sheet:
     points: Array
     triangles: Index
     crease: float
+    influences: Influences | None = None  # of the points of a skin
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,7 @@ class Flat:
     """The triangles of many sheets, sheet by sheet, and within a sheet surface by surface."""
 
     corners: Array  # [T, 3, 3] metres
+    points: Index  # [T, 3] the corners' points, numbered through all sheets
     normals: Array  # [T, 3, 3] unit normals at the corners
     faces: Array  # [T, 3] unit normals of the triangles
     codes: Index  # [T] indices into `surfaces`
@@ -69,7 +72,9 @@ def flatten(sheets: Sequence[Sheet]) -> Flat:
     used: list[list[int]] = [[] for _ in sheets]
     for group in groups[rank].tolist():
         used[group // len(surfaces)].append(group % len(surfaces))
-    return Flat(corners[kept], normals[kept], unit(face[kept]), codes[kept], surfaces, tuple(map(tuple, used)))
+    return Flat(
+        corners[kept], triangles[kept], normals[kept], unit(face[kept]), codes[kept], surfaces, tuple(map(tuple, used))
+    )
 
 
 def _coded(sheets: Sequence[Sheet]) -> tuple[tuple[Surface, ...], Index]:

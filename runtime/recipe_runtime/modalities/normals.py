@@ -34,6 +34,7 @@ def _kernel():
     from recipe_runtime.render.numeric.vectors import normalize, rotate
     from recipe_runtime.render.raster.distortion_kernels import Distortion, nearest_sample
     from recipe_runtime.render.raster.label_kernels import triangle_of
+    from recipe_runtime.render.raster.skin_kernels import blended_normal
     from recipe_runtime.render.sampling.sample_kernels import CENTRE, barycentric_weights, ray_of
     from recipe_runtime.render.scene.pinhole import Pinhole
 
@@ -45,6 +46,9 @@ def _kernel():
         vertices: wp.array[wp.vec3f],
         normals: wp.array[wp.vec3f],
         vertex_part: wp.array[wp.int32],
+        vertex_skin: wp.array[wp.int32],
+        skin_parts: wp.array[wp.vec4i],
+        skin_weights: wp.array[wp.vec4f],
         triangles: wp.array[wp.vec3i],
         view_from_part: wp.array2d[wp.float32],
         pinhole: Pinhole,
@@ -58,8 +62,14 @@ def _kernel():
             t = triangles[triangle_of(keys[i])]
             ray = ray_of(nearest_sample(i, distortion), CENTRE, pinhole)
             w = barycentric_weights(ray, vertices[t[0]], vertices[t[1]], vertices[t[2]])
-            local = normals[t[0]] * w[0] + normals[t[1]] * w[1] + normals[t[2]] * w[2]
-            n = normalize(rotate(view_from_part, vertex_part[t[0]], local))
+            if vertex_skin[t[0]] < 0:
+                local = normals[t[0]] * w[0] + normals[t[1]] * w[1] + normals[t[2]] * w[2]
+                n = rotate(view_from_part, vertex_part[t[0]], local)
+            else:
+                for k in range(3):
+                    row = vertex_skin[t[k]]
+                    n = n + blended_normal(view_from_part, skin_parts[row], skin_weights[row], normals[t[k]]) * w[k]
+            n = normalize(n)
         for axis in range(3):
             out_normals[3 * i + axis] = n[axis]
 
@@ -67,7 +77,7 @@ def _kernel():
 
 
 def _draw(surfaces: "VisibleSurfaces", out: "DeviceArray") -> None:
-    from recipe_runtime.render.device.launch import launch
+    from recipe_runtime.render.device.launch import fields_of, launch
 
     g = surfaces.geometry
     launch(
@@ -77,7 +87,7 @@ def _draw(surfaces: "VisibleSurfaces", out: "DeviceArray") -> None:
         keys=surfaces.keys,
         vertices=surfaces.vertices,
         normals=g.normals,
-        vertex_part=g.vertex_part,
+        **fields_of(g, "vertex_part", "vertex_skin", "skin_parts", "skin_weights"),
         triangles=g.triangles,
         view_from_part=surfaces.view_from_part,
         pinhole=surfaces.pinhole,

@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.ir.patches import PatchFace
 
 from recipe_runtime.meshes.mesh import Body, Mesh
+from recipe_runtime.meshes.skin import split_parts
 from recipe_runtime.meshes.vectors import cross, unit
 
 _LONGEST = 2048  # pixels
@@ -35,7 +36,7 @@ def texture_map(islands: Sequence[Island], aspect: float, body: Body, slots: Seq
     size = map_size(aspect)
     page = Image.new("RGB", size, _PAPER)
     pen, font = ImageDraw.Draw(page), ImageFont.load_default(size[0] // 90)
-    meshes = dict(body.parts)
+    meshes = dict(split_parts(body.parts))
     for part in dict.fromkeys(face.part for _, face in islands):
         faces = [face for _, face in islands if face.part == part]
         if part in meshes:

@@ -18,7 +18,8 @@ from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.frames.portrait import matrices, stance
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes import town as town_module
-from recipe_runtime.meshes.builder import Builder, _distinct, icosphere, noise, noises
+from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises
+from recipe_runtime.meshes.merging import distinct
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.meshes.smoothing import Sheet, flatten
 from recipe_runtime.meshes.vectors import cross, unit
@@ -219,7 +220,7 @@ def _shaded_by_a_loop(points: NDArray[np.float64], crease: float, hole: int) -> 
 @pytest.mark.slow
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=40))
 def test_equal_vertices_are_numbered_in_their_order(kinds: list[int]) -> None:
-    first, which = _distinct(np.array([[kind, 1, 2, 3, 4, 5, 6, kind % 2] for kind in kinds], np.float32))
+    first, which = distinct(np.array([[kind, 1, 2, 3, 4, 5, 6, kind % 2] for kind in kinds], np.float32), None)
     order = list(dict.fromkeys(kinds))
     assert first.tolist() == [kinds.index(kind) for kind in order]
     assert which.tolist() == [order.index(kind) for kind in kinds]

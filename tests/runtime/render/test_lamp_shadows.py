@@ -134,9 +134,11 @@ def test_by_day_no_map_of_a_lamp_is_drawn(monkeypatch: pytest.MonkeyPatch) -> No
     drawn: list[LampSlots] = []
     draw = LampShadowMaps.draw
 
-    def counted(maps: LampShadowMaps, slots: LampSlots, world: DeviceArray) -> tuple[DeviceArray, MapMemory]:
+    def counted(
+        maps: LampShadowMaps, slots: LampSlots, world: DeviceArray, vertices: DeviceArray
+    ) -> tuple[DeviceArray, MapMemory]:
         drawn.append(slots)
-        return draw(maps, slots, world)
+        return draw(maps, slots, world, vertices)
 
     monkeypatch.setattr(LampShadowMaps, "draw", counted)
     renderer = Renderer(street())

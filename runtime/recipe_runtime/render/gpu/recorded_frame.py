@@ -245,12 +245,11 @@ class RecordedFrame:
 
     def _draw_shadows(self) -> None:
         g, n, world, device = self.setup.g, self._buffers, self._b["world_from_part"], self.device
+        raster_passes.transform_vertices(g, world, g.static_vertices, n.world_vertices, device)
         if True in n.lists:
             n.lamp_maps.clear(device)
-            n.lamp_maps.draw(g, self._lamp_maps, world, range(g.static_chunks, g.chunk_count), device)
-        if not self.setup.suns:
-            return
-        raster_passes.transform_vertices(g, world, g.static_vertices, n.world_vertices, device)
+            moving = range(g.static_chunks, g.chunk_count)
+            n.lamp_maps.draw(g, self._lamp_maps, world, n.world_vertices, moving, device)
         for sun, maps in enumerate(n.maps):
             for k, shadow_map in enumerate(maps, start=2):
                 beam, first = self._b[f"beams {sun}"][k : k + 1], g.static_chunks

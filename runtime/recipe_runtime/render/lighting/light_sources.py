@@ -38,6 +38,7 @@ class _Cached:
     """The light sources computed so far for one observation."""
 
     moving_beams: dict[bytes, list[object]] = field(default_factory=dict)  # by the sun's direction
+    vertices: tuple[DeviceArray, DeviceArray] | None = None
     nearby: dict[bool, TiledLights] = field(default_factory=dict)  # by whether lamps burn
 
 
@@ -58,8 +59,7 @@ class LightSources:
             static = self._maps.static(light.sun, eye)
         moving, sun = self._of(obs).moving_beams, light.sun.tobytes()
         if sun not in moving:
-            world = upload_transforms(world_from_parts(obs.parts), self._device)
-            vertices = world_vertices(self._g, world, self._device)
+            world, vertices = self._moving(obs)
             maps = self._maps.moving(light.sun, vertices, world, eye, ahead)
             moving[sun] = [shadow_map.beam for shadow_map in maps]
             weakref.finalize(obs, self._maps.give_back, maps).atexit = False
@@ -85,12 +85,19 @@ class LightSources:
 
     def _lamps(self, obs: Observation) -> Lamps:
         """Return the lamps near a camera, with their shadow maps."""
-        world = world_from_parts(obs.parts)
-        columns, slots = lamp_columns(self._g, world, obs.world_from_sensor)
+        columns, slots = lamp_columns(self._g, world_from_parts(obs.parts), obs.world_from_sensor)
         with self._timings("lamp shadows"):
-            maps, memory = self._lamp_maps.draw(slots, upload_transforms(world, self._device))
+            maps, memory = self._lamp_maps.draw(slots, *self._moving(obs))
         weakref.finalize(obs, self._lamp_maps.give_back, memory).atexit = False
         return lamps_at(self._g, columns, maps, self._device)
+
+    def _moving(self, obs: Observation) -> tuple[DeviceArray, DeviceArray]:
+        """Return the transforms from the parts to the world, and the moving vertices there."""
+        found = self._of(obs)
+        if found.vertices is None:
+            world = upload_transforms(world_from_parts(obs.parts), self._device)
+            found.vertices = world, world_vertices(self._g, world, self._device)
+        return found.vertices
 
     def _of(self, obs: Observation) -> _Cached:
         return self._found.setdefault(obs, _Cached())

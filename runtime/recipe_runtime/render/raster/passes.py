@@ -76,7 +76,7 @@ def transform_vertices(
             visibility_kernels.transform_vertices,
             g.vertex_count - first_vertex,
             device,
-            **fields_of(g, "vertices", "vertex_part"),
+            **fields_of(g, "vertices", "vertex_part", "vertex_skin", "skin_parts", "skin_weights", "part_origins"),
             transforms=transforms,
             first_vertex=first_vertex,
             out_vertices=out_vertices,

@@ -12,6 +12,7 @@ on the order.
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import nonnegative
 from recipe_runtime.render.numeric.vectors import box_extent, dot, transform_point
+from recipe_runtime.render.raster.skin_kernels import blended_point
 from recipe_runtime.render.raster.triangles import (
     IN_VIEW,
     NEARNESS,
@@ -38,13 +39,21 @@ SPAN_THRESHOLD = wp.constant(
 def transform_vertices(
     vertices: wp.array[wp.vec3f],
     vertex_part: wp.array[wp.int32],
+    vertex_skin: wp.array[wp.int32],
+    skin_parts: wp.array[wp.vec4i],
+    skin_weights: wp.array[wp.vec4f],
+    part_origins: wp.array[wp.vec3f],
     transforms: wp.array2d[wp.float32],
     first_vertex: wp.int32,
     out_vertices: wp.array[wp.vec3f],
 ):
-    """Transform vertices from `first_vertex` on by the 3x4 matrix (by rows) of their part."""
+    """Transform vertices from `first_vertex` on by the 3x4 matrices (by rows) of the parts that they follow."""
     i = first_vertex + wp.tid()
-    out_vertices[i] = transform_point(transforms, vertex_part[i], vertices[i])
+    skin = vertex_skin[i]
+    if skin < 0:
+        out_vertices[i] = transform_point(transforms, vertex_part[i], vertices[i])
+    else:
+        out_vertices[i] = blended_point(transforms, skin_parts[skin], skin_weights[skin], part_origins, vertices[i])
 
 
 @wp.kernel

@@ -64,7 +64,8 @@ def scene_arrays(
     return set_fields(
         SceneArrays(),
         view=vertices,
-        **fields_of(g, "normals", "uvs", "vertex_part", "triangles", "face_normals", "triangle_surface"),
+        **fields_of(g, "normals", "uvs", "vertex_part", "vertex_skin", "skin_parts", "skin_weights"),
+        **fields_of(g, "triangles", "face_normals", "triangle_surface"),
         surface_pattern=g.surface_pattern,
         world_from_part=world_from_part,
         world_from_view=world_from_view,

@@ -14,6 +14,7 @@ from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import maximum, nonnegative
 from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
+from recipe_runtime.render.raster.skin_kernels import blended_normal
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.texture.images import order_steps, second_step, steps_between_pixels
 from recipe_runtime.render.texture.patterns import detail_of
@@ -32,6 +33,9 @@ class SceneArrays:
     normals: wp.array[wp.vec3f]
     uvs: wp.array[wp.vec2f]
     vertex_part: wp.array[wp.int32]
+    vertex_skin: wp.array[wp.int32]
+    skin_parts: wp.array[wp.vec4i]
+    skin_weights: wp.array[wp.vec4f]
     triangles: wp.array[wp.vec3i]
     face_normals: wp.array[wp.vec3f]
     triangle_surface: wp.array[wp.int32]
@@ -295,6 +299,23 @@ def point_seen(turned: wp.vec3f, z: wp.float32, world_from_view: wp.array2d[wp.f
     return wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
 
 
+@wp.func
+def normal_at(scene: wp.array[SceneArrays], t: wp.vec3i, w: wp.vec3f, part: wp.int32) -> wp.vec3f:
+    """Return the normal in the world, not of unit length, at the weights w of the corners of a triangle."""
+    n = scene[0].normals[t[0]] * w[0] + scene[0].normals[t[1]] * w[1] + scene[0].normals[t[2]] * w[2]
+    if part != 0:  # the static scene is in the world's frame already
+        if scene[0].vertex_skin[t[0]] < 0:
+            n = rotate(scene[0].world_from_part, part, n)
+        else:
+            n = wp.vec3f(0.0, 0.0, 0.0)
+            for k in range(3):
+                row = scene[0].vertex_skin[t[k]]
+                own = scene[0].normals[t[k]] * w[k]
+                parts = scene[0].skin_parts[row]
+                n = n + blended_normal(scene[0].world_from_part, parts, scene[0].skin_weights[row], own)
+    return n
+
+
 @wp.kernel(launch_bounds=(BLOCK_SIZE, 5))  # limits registers, so that 5 blocks run at once
 def evaluate_samples(
     first_sample: wp.int32,
@@ -331,13 +352,12 @@ def evaluate_samples(
     surface = nonnegative(scene[0].triangle_surface[triangle])
     out_surfaces[i] = surface
     w = barycentric_weights(ray, scene[0].view[t[0]], scene[0].view[t[1]], scene[0].view[t[2]])
-    local = scene[0].normals[t[0]] * w[0] + scene[0].normals[t[1]] * w[1] + scene[0].normals[t[2]] * w[2]
     uv = scene[0].uvs[t[0]] * w[0] + scene[0].uvs[t[1]] * w[1] + scene[0].uvs[t[2]] * w[2]
     part = nonnegative(scene[0].vertex_part[t[0]])
     face = scene[0].face_normals[triangle]
-    if part != 0:  # the static scene is in the world's frame already
+    if part != 0:
         face = rotate(scene[0].world_from_part, part, face)
-        local = rotate(scene[0].world_from_part, part, local)
+    local = normal_at(scene, t, w, part)
     sight = normalize(turned)
     focal = wp.float32(pinhole.focal)
     footprint = footprint_of(face, sight, z / focal)

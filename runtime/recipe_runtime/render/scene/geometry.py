@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern
+from recipe_runtime.meshes.skin import split_parts
 from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.scene.chunking import by_level, chunk_starts, level_casts, level_range
+from recipe_runtime.render.scene.chunking import chunks_of, in_order, level_casts, level_range
 from recipe_runtime.render.scene.level_range import LevelRange
 
 # Flat ground casts no shadow; without it in the shadow maps, rounding cannot make it shadow itself.
@@ -58,7 +59,10 @@ class Actor:
 
 @dataclass(frozen=True)
 class Geometry:
-    """V vertices in their part's frame, T triangles, S surfaces. Part 0 is the world, part 1 + p the Trace's p."""
+    """V vertices in their part's frame, T triangles, S surfaces. Part 0 is the world, part 1 + p the Trace's p.
+
+    Vertices of a skin are in the frame of its actor's base part at rest.
+    """
 
     vertices: DeviceArray  # vec3f [V], metres
     normals: DeviceArray  # vec3f [V]
@@ -68,6 +72,10 @@ class Geometry:
     triangles: DeviceArray  # vec3i [T]
     face_normals: DeviceArray  # vec3f [T], in the part's frame
     triangle_surface: DeviceArray  # int32 [T]
+    vertex_skin: DeviceArray  # int32 [V], row of `skin_parts`; -1 for a vertex that follows its part rigidly
+    skin_parts: DeviceArray  # vec4i [N], the parts that a vertex of a skin follows; its vertex_part is the first
+    skin_weights: DeviceArray  # vec4f [N], in 255ths, of sum 255
+    part_origins: DeviceArray  # vec3f [1 + P], in the rest pose of a skin, in the frame of its vertices; else 0
     casts: DeviceArray  # int32 [T], 1 if it casts a shadow
     chunks: DeviceArray  # vec3i [C], first triangle, count up to CHUNK, part
     chunk_centres: DeviceArray  # vec3f [C], of the chunk's box in the part's frame
@@ -132,9 +140,9 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
         actors.append(
             Actor(body.name, body.instance, len(bounds), len(body.parts), tuple(name for name, _ in body.parts))
         )
-        for _, mesh in body.parts:
-            bounds.append(_box(mesh.vertices))
-            packer.add(body, mesh, part=len(bounds), base=base, actor=index)
+        for offset, (_, mesh) in enumerate(body.parts):
+            packer.add(body, mesh, part=base + offset, base=base, actor=index)
+        bounds += [_box(mesh.vertices) for _, mesh in split_parts(body.parts)]
     for body in signals:
         base = len(bounds) + 1
         for _, mesh in body.parts:
@@ -156,24 +164,31 @@ class _Packer:
         self._surfaces: dict[SurfaceKey, int] = {}
         self._lights: list[MountedLight] = []
         self._levels: list[LevelRange] = []
+        self._skins: list[tuple[NDArray[np.int32], NDArray[np.uint8]]] = [
+            (np.zeros((1, 4), np.int32), np.zeros((1, 4), np.uint8))  # not used: arrays have an element at least
+        ]
+        self._skinned = 1
+        self._origins: dict[int, NDArray[np.float64]] = {}
 
     def add(self, body: Body, mesh: Mesh, part: int, base: int, actor: int) -> None:
         """Append the mesh of one part; `base` is the body's base part."""
-        mesh = by_level(mesh)
+        self._lights += [MountedLight(part, light) for light in mesh.lights]
+        if not len(mesh.triangles):
+            return
+        mesh = in_order(mesh)
         numbers = [self._number(body, mesh, row, actor) for row in range(len(mesh.surfaces))]
         casts = np.array([s.tag not in _GROUND_TAGS and not body.is_signal for s in mesh.surfaces], np.int32)
         surface = mesh.surface.astype(np.int64)
         self._put("vertices", mesh.vertices.astype(np.float32))
         self._put("normals", mesh.normals.astype(np.float32))
         self._put("uvs", mesh.uvs.astype(np.float32))
-        self._put("vertex_part", np.full(len(mesh.vertices), part, np.int32))
+        self._follow(mesh, part)
         self._put("triangles", mesh.triangles.astype(np.int32) + self.vertex_count)
         self._put("face_normals", _face_normals(mesh))
         self._put("triangle_surface", np.array(numbers, np.int32)[surface])
         self._put("casts", casts[surface] * level_casts(mesh))
         self._chunk(mesh, part)
         self._levels += [level_range(level, base) for level in mesh.levels]
-        self._lights += [MountedLight(part, light) for light in mesh.lights]
         self.vertex_count += len(mesh.vertices)
         self.triangle_count += len(mesh.triangles)
 
@@ -196,6 +211,10 @@ class _Packer:
         arrays: dict[str, Any] = {
             k: wp.array(v, dtype=kinds.get(k, wp.int32), device=device) for k, v in columns.items()
         }
+        skin_parts, skin_weights = (np.concatenate(rows) for rows in zip(*self._skins, strict=True))
+        origins = np.zeros((len(boxes) + 1, 3), np.float32)
+        for part, origin in self._origins.items():
+            origins[part] = origin
         keys = tuple(self._surfaces)
 
         def table(values: Sequence[int] | NDArray[np.int64]) -> DeviceArray:
@@ -203,6 +222,9 @@ class _Packer:
 
         return Geometry(
             **arrays,
+            skin_parts=wp.array(skin_parts, dtype=wp.vec4i, device=device),
+            skin_weights=wp.array(skin_weights.astype(np.float32), dtype=wp.vec4f, device=device),
+            part_origins=wp.array(origins, dtype=wp.vec3f, device=device),
             levels=struct_array(self._levels or [LevelRange()], device),
             part_extent=table(part_extent),
             surface_actor=table([k.actor for k in keys]),
@@ -223,22 +245,32 @@ class _Packer:
         )
 
     def _chunk(self, mesh: Mesh, part: int) -> None:
-        """Append the boxes of the mesh's triangles, at most CHUNK triangles of one level at a time."""
-        starts = chunk_starts(mesh)
-        corners = mesh.vertices.astype(np.float32)[mesh.triangles]
-        low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
-        high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
-        sizes = np.diff(starts, append=np.int32(len(mesh.triangles)))
-        rows = np.stack([starts + self.triangle_count, sizes, np.full_like(starts, part)], axis=1)
+        """Append the chunks of the mesh's triangles."""
+        chunks = chunks_of(mesh)
+        rows = np.stack([chunks.starts + self.triangle_count, chunks.sizes, chunks.part + part], axis=1)
         self._put("chunks", rows)
         first, last = mesh.triangles.min(axis=1), mesh.triangles.max(axis=1)
-        ends = np.minimum.reduceat(first, starts), np.maximum.reduceat(last, starts) + 1
+        ends = np.minimum.reduceat(first, chunks.starts), np.maximum.reduceat(last, chunks.starts) + 1
         self._put("chunk_vertices", (np.stack(ends, axis=1) + self.vertex_count).astype(np.int32))
-        shown = np.full_like(starts, -1) if mesh.level is None else mesh.level[starts]
-        self._put("chunk_level", np.where(shown < 0, -1, shown + len(self._levels)).astype(np.int32))
-        self._put("chunk_centres", (low + high) * np.float32(0.5))
-        self._put("chunk_halves", (high - low) * np.float32(0.5))
-        self.chunk_count += len(starts)
+        self._put("chunk_level", np.where(chunks.level < 0, -1, chunks.level + len(self._levels)).astype(np.int32))
+        self._put("chunk_centres", (chunks.low + chunks.high) * np.float32(0.5))
+        self._put("chunk_halves", (chunks.high - chunks.low) * np.float32(0.5))
+        self.chunk_count += len(chunks.starts)
+
+    def _follow(self, mesh: Mesh, part: int) -> None:
+        """Append the parts that the vertices follow."""
+        skin, count = mesh.skin, len(mesh.vertices)
+        own = np.full(count, part, np.int32)
+        if skin is None:
+            self._put("vertex_part", own)
+            self._put("vertex_skin", np.full(count, -1, np.int32))
+            return
+        self._put("vertex_part", own + skin.parts[:, 0])
+        self._put("vertex_skin", np.arange(self._skinned, self._skinned + count, dtype=np.int32))
+        more = ((0, 0), (0, 4 - skin.parts.shape[1]))
+        self._skins.append((np.pad(skin.parts, more) + part, np.pad(skin.weights, more)))
+        self._origins |= {part + number: origin for number, origin in enumerate(skin.origins)}
+        self._skinned += count
 
     def _put(self, column: str, values: NDArray[np.generic]) -> None:
         self._chunks.setdefault(column, []).append(np.ascontiguousarray(values))
@@ -250,6 +282,9 @@ class _Packer:
 
 
 def _box(vertices: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Return the box of vertices; a point at the origin if there are none."""
+    if not len(vertices):
+        return np.zeros((2, 3))
     return np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
 
 

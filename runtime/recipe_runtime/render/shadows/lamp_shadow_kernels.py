@@ -87,17 +87,6 @@ def view_point(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f) -> wp.vec3
 
 
 @wp.func
-def axis_in_part(axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32) -> wp.vec4f:
-    """Return a world-space axis in the frame of a part."""
-    return wp.vec4f(
-        (axis[0] * m[part, 0] + axis[1] * m[part, 4]) + axis[2] * m[part, 8],
-        (axis[0] * m[part, 1] + axis[1] * m[part, 5]) + axis[2] * m[part, 9],
-        (axis[0] * m[part, 2] + axis[1] * m[part, 6]) + axis[2] * m[part, 10],
-        ((axis[0] * m[part, 3] + axis[1] * m[part, 7]) + axis[2] * m[part, 11]) + axis[3],
-    )
-
-
-@wp.func
 def axis_extent(axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32, half: wp.vec3f) -> wp.float32:
     """Return the extent along an axis of a box in a part's frame."""
     return box_extent(m, part, half, wp.vec3f(axis[0], axis[1], axis[2]))
@@ -248,8 +237,9 @@ def draw_lamp_casters(
     out_keys: wp.array2d[wp.uint64],
     out_marks: wp.array2d[wp.uint64],
 ):
-    """Draw chunks into the maps of all slots, which must be clear; `transforms` lead from the parts to the world.
+    """Draw chunks of world-space vertices into the maps of all slots, which must be clear.
 
+    `transforms` lead from the parts to the world.
     Tiles that a filter may read are marked in `out_marks`, and keep a mark of 0 otherwise.
     """
     share = wp.tid() % threads_per_chunk
@@ -261,9 +251,9 @@ def draw_lamp_casters(
         return
     if not chunk_casts(maps, slot, transforms, part, chunk_centres[i], chunk_halves[i]):
         return
-    right = axis_in_part(maps[0].right[slot], transforms, part)
-    down = axis_in_part(maps[0].down[slot], transforms, part)
-    ahead = axis_in_part(maps[0].ahead[slot], transforms, part)
+    right = maps[0].right[slot]
+    down = maps[0].down[slot]
+    ahead = maps[0].ahead[slot]
     for k in range(chunk[0] + share, chunk[0] + chunk[1], threads_per_chunk):
         if casts[k] != 0:
             t = triangles[k]

@@ -37,13 +37,22 @@ class MapMemory:
         tiles = int(self.keys.shape[0]) * _TILES
         launch(kernels.clear_lamp_maps, tiles, device, out_keys=self.keys, out_nearest=self.nearest)
 
-    def draw(self, g: Geometry, maps: DeviceArray, world: DeviceArray, chunks: range, device: str) -> None:
+    def draw(
+        self,
+        g: Geometry,
+        maps: DeviceArray,
+        world: DeviceArray,
+        vertices: DeviceArray,
+        chunks: range,
+        device: str,
+    ) -> None:
         """Draw chunks into the maps, which must be clear.
 
         Args:
             g: The scene.
             maps: The views of as many slots, a one-element array of `LampMaps`.
             world: World from part, float32 [1 + P, 12].
+            vertices: Vertices of the chunks in the world, vec3f.
             chunks: Which chunks of the scene are drawn.
             device: The Warp device.
         """
@@ -55,7 +64,8 @@ class MapMemory:
             kernels.draw_lamp_casters,
             slots * len(chunks) * threads,
             device,
-            **fields_of(g, "vertices", "triangles", "chunks", "chunk_centres", "chunk_halves", "casts"),
+            **fields_of(g, "triangles", "chunks", "chunk_centres", "chunk_halves", "casts"),
+            vertices=vertices,
             transforms=world,
             maps=maps,
             first_chunk=chunks.start,
@@ -81,17 +91,18 @@ class LampShadowMaps:
         self._spare: list[MapMemory] = []  # not in use by an observation
         self._no_static = MapMemory(1, device).as_static()
 
-    def draw(self, slots: LampSlots, world: DeviceArray) -> tuple[DeviceArray, MapMemory]:
+    def draw(self, slots: LampSlots, world: DeviceArray, vertices: DeviceArray) -> tuple[DeviceArray, MapMemory]:
         """Return the maps of a frame, a one-element array of `LampMaps`, and the memory to give back after use.
 
-        `world` is world from part, float32 [1 + P, 12].
+        `world` is world from part, float32 [1 + P, 12]; `vertices` are the moving ones in the world, vec3f.
         """
         memory = self._spare.pop() if self._spare else MapMemory(SLOTS, self._device)
         memory.clear(self._device)
         columns = uploaded(slots.columns, MAP_KINDS, self._device)
         static = struct_array(self.static_maps(slots), self._device)
         maps = struct_array([maps_of(columns, static, memory)], self._device)
-        memory.draw(self._g, maps, world, range(self._g.static_chunks, self._g.chunk_count), self._device)
+        moving = range(self._g.static_chunks, self._g.chunk_count)
+        memory.draw(self._g, maps, world, vertices, moving, self._device)
         return maps, memory
 
     def give_back(self, memory: MapMemory) -> None:
@@ -121,7 +132,7 @@ class LampShadowMaps:
         own = uploaded(columns, MAP_KINDS, device)
         maps = struct_array([maps_of(own, struct_array([self._no_static], device), memory)], device)
         world = upload_transforms(world_from_parts(np.zeros((0, 3, 4))), device)
-        memory.draw(self._g, maps, world, range(self._g.static_chunks), device)
+        memory.draw(self._g, maps, world, self._g.vertices, range(self._g.static_chunks), device)
         return memory.as_static()
 
 
