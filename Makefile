@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets tables paper attack-study attack-goals evidence-pictures lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets gallery tables paper attack-study attack-goals evidence-pictures lock verify golden requirements clean test-ray bench-ray
 
 # The tests start about a hundred processes; each starts half a second sooner if compiled modules are kept.
 unexport PYTHONDONTWRITEBYTECODE
@@ -126,6 +126,9 @@ bench-estimates: install-dev  ## the estimates of `recipe plan`, compared with b
 bench-ray: install-dev  ## cost of Ray relative to local processes, for the same frames (ten minutes; installs Ray)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'
 	$(BIN)/python -m benchmarks.cluster
+
+gallery: install  ## redraw docs/gallery.jpg: four towns at noon, at dusk, at night, in rain and in fog
+	$(BIN)/python docs/gallery.py
 
 tables: install  ## renew the parts of README.md and docs/ that follow from the code
 	$(BIN)/python -m docs.tables
