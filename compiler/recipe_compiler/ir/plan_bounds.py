@@ -21,7 +21,7 @@ Range = tuple[float, float]
 
 MAX_ROUTE_METRES = 16_000_000  # of the routes of all vehicles of a scene; a driver keeps a speed for each metre
 MAX_TOUCHING = 4_000  # pairs of actors; PyBullet fails when it reports about 20,000 points of contact
-MAX_TRIANGLES = 10_000_000  # of a town, if each of its elements has as many as its kind may have
+MAX_TRIANGLES = 12_000_000  # of a town, if each of its elements has as many as its kind may have
 MAX_PROP_TRIANGLES = 4_000_000  # of the props of a scene; plans do not have the contents of their meshes
 MAX_TEXTURE_PIXELS = 64 << 20  # of all images of an appearance
 
@@ -54,8 +54,10 @@ def _fixed(max_count: int, size: tuple[float, float, float], triangles: int, **s
 
 KINDS: dict[str, Kind] = {
     "bench": _fixed(700, (0.5, 1.6, 0.85), 140),
+    "bicycles": _fixed(300, (1.9, 1.8, 1.1), 4500, **_KEY),
     "billboard": _fixed(20, (0.5, 6.0, 6.0), 300, **_KEY),
     "bin": _fixed(700, (0.42, 0.42, 0.95), 120),
+    "board": _fixed(400, (0.5, 0.62, 1.1), 60, **_KEY),
     "bollard": _fixed(250, (0.2, 0.2, 0.9), 200),
     "building": Kind(
         1200,
@@ -68,12 +70,14 @@ KINDS: dict[str, Kind] = {
     ),
     "bus_stop": _fixed(200, (1.6, 4.0, 2.6), 200),
     "bush": Kind(1200, ((0.8, 2.1), (0.8, 2.1), (0.6, 1.7)), 300, _KEY),
+    "cafe": _fixed(900, (1.3, 1.8, 2.4), 700, **_KEY),
     "carriageway": Kind(
         150,
         ((48.0, 48.0), (8.0, 24.0), (0.0, 0.0)),
         400,
         {"limit": (5, 150), "lanes": (2, 5), "lane": (3.0, 4.0), "shoulder": (2.0, 3.0), **_KEY},
     ),
+    "delivery": _fixed(200, (0.8, 1.2, 1.3), 200, **_KEY),
     "fence": Kind(1500, ((0.08, 0.08), (0.8, 36.0), (1.0, 1.7)), 3000, {"style": (0, 2)}),
     "fountain": _fixed(2, (7.0, 7.0, 2.6), 4000),
     "gantry": Kind(
@@ -103,6 +107,7 @@ KINDS: dict[str, Kind] = {
     ),
     "kiosk": _fixed(30, (2.5, 3.0, 2.8), 500, **_KEY),
     "lamp": Kind(1500, ((0.16, 0.2), (0.16, 0.2), (4.0, 10.0)), 140, {"arm": (0.5, 2.5)}),
+    "letter_box": _fixed(200, (0.4, 0.44, 1.3), 80),
     "path": Kind(600, ((10.0, 48.0), (2.5, 3.0), (0.0, 0.01)), 10, {"drive": _FLAG}),
     "planter": _fixed(400, (1.2, 1.2, 0.9), 300, **_KEY),
     "road": Kind(

@@ -18,6 +18,7 @@ from recipe_runtime.meshes.monuments import fountain, statue
 from recipe_runtime.meshes.plants import bush, hedge, planter, tree
 from recipe_runtime.meshes.roads import carriageway, ground, junction, path, road, sidewalk
 from recipe_runtime.meshes.signs import gantry, guardrail, sign, signal_lamps, traffic_light
+from recipe_runtime.meshes.street_life import bicycles, board, cafe, delivery, letter_box
 from recipe_runtime.meshes.towers import tower
 
 _KEPT_ELEMENTS = 1000  # 20 KB of vertices and triangles each
@@ -25,13 +26,17 @@ _kept: dict[str, tuple[Body, ...]] = {}  # of the last town, by its digest
 
 _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "bench": bench,
+    "bicycles": bicycles,
     "billboard": billboard,
     "bin": bin_,
+    "board": board,
     "bollard": bollard,
     "building": building,
     "bus_stop": bus_stop,
     "bush": bush,
+    "cafe": cafe,
     "carriageway": carriageway,
+    "delivery": delivery,
     "fence": fence,
     "fountain": fountain,
     "gantry": gantry,
@@ -43,6 +48,7 @@ _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "junction": junction,
     "kiosk": kiosk,
     "lamp": lamp,
+    "letter_box": letter_box,
     "path": path,
     "planter": planter,
     "road": road,

@@ -29,7 +29,22 @@ PlanarState = tuple[float, float, float, float, float, float, float]
 
 # Elements with a box collider about their base centre. A billboard's panel is above head height, so it has none.
 _SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
-_SOLID |= {"guardrail", "hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
+_SOLID |= {
+    "bicycles",
+    "board",
+    "cafe",
+    "delivery",
+    "letter_box",
+    "guardrail",
+    "hedge",
+    "hydrant",
+    "kiosk",
+    "lamp",
+    "planter",
+    "statue",
+    "tower",
+    "traffic_light",
+}
 _OBSTACLE, _ACTOR, _PARKED, _OVERHEAD = 1, 2, 4, 8  # collision groups
 _HALF_HEIGHT, _THINNEST = 1.0, 0.001  # metres, of every collider
 _MOST_SHAPES = 16  # maximum number of shapes that PyBullet combines in a body

@@ -18,7 +18,20 @@ BUILDINGS = frozenset({"building", "house", "tower"})
 FRONTED = frozenset({"building", "house", "wall"})  # elements with the origin in the middle of their front
 # Elements with the origin in their middle. A billboard's panel is above head height, so it is not solid.
 FURNITURE = frozenset({"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain", "guardrail", "hedge"})
-FURNITURE |= {"hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
+FURNITURE |= {
+    "bicycles",
+    "board",
+    "cafe",
+    "delivery",
+    "letter_box",
+    "hydrant",
+    "kiosk",
+    "lamp",
+    "planter",
+    "statue",
+    "tower",
+    "traffic_light",
+}
 STEP_OVER = 0.25  # metres; people step over lower objects
 HEADROOM = 1.9  # metres; people walk under higher objects
 _BARK = 1.1  # half the side of a tree's square, as a multiple of its trunk's radius

@@ -10,7 +10,7 @@ from __future__ import annotations
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns import network
 from recipe_compiler.library.towns.network import Block
-from recipe_compiler.library.towns.rows import Manner, close_yards, row
+from recipe_compiler.library.towns.rows import Manner, close_streets, close_yards, row, shopfronts
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.streets import BAY, StreetGrid
 from recipe_compiler.library.towns.town import Town, TownParameter
@@ -31,7 +31,7 @@ PARAMETERS: dict[str, TownParameter] = {
 def elements(*, blocks: tuple[int, int], storeys: tuple[int, int]) -> int:
     """Estimate the number of elements of the town."""
     nx, ny = blocks
-    return 78 + 32 * (nx + ny) + 55 * nx * ny
+    return 82 + 45 * (nx + ny) + 62 * nx * ny
 
 
 def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> Town:
@@ -53,6 +53,7 @@ def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> To
             yards += [yard] if yard else []
             _furniture(site, block, yaw)
     close_yards(site, yards)
+    close_streets(site, streets, manner)
     network.signals(site, streets, main, 30)
     skyline(site, middle, ((xs[-1] - xs[0]) / 2 + EDGE + 42, (ys[-1] - ys[0]) / 2 + EDGE + 42))
     points = tuple(network.spawn_points(streets))
@@ -64,6 +65,7 @@ _LAMPS = (-15.5, 15.5)
 _TREES = (-22.0, -11.5, 11.5, 20.0)
 _BENCHES = (-17.5, 18.0)
 _BINS = (-13.5, 14.0)
+_CAFES = (-19.0, -16.6, 15.0, 17.4)
 
 
 def _furniture(site: Site, block: Block, yaw: int) -> None:
@@ -91,3 +93,8 @@ def _furniture(site: Site, block: Block, yaw: int) -> None:
         site.add(f"bus_stop.{name}", "bus_stop", place(22.4, 1.4), (1.6, 4.0, 2.6))
     elif site.chance(0.4, "planter", name):
         site.keyed(f"planter.{name}", "planter", place(22.0, 1.0), (1.2, 1.2, 0.9))
+    if site.chance(0.4, "bicycles", name):
+        site.keyed(f"bicycles.{name}", "bicycles", place(-25.0, 1.1, 90), (1.9, 1.8, 1.1))
+    if site.chance(0.35, "letter_box", name):
+        site.add(f"letter_box.{name}", "letter_box", place(25.5, 0.7, 180), (0.4, 0.44, 1.3))
+    shopfronts(site, name, kerb, _CAFES)

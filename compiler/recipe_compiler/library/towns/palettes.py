@@ -110,6 +110,26 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "lamp": {"metal": ("#3e4346",), "lamp": ("#ffe2b0",)},
     "bench": {"wood": ("#7c5a3c", "#6d5138"), "metal": ("#3b3d40",)},
     "bin": {"metal": ("#3f5a48", "#46494c", "#3d4f63")},
+    "bicycles": {
+        "metal": ("#8a8d90",),
+        "tyre": ("#1d1d1e",),
+        "paint": ("#7a2b2b", "#2b4a6b", "#2f4f40", "#c9b458"),
+        "other": ("#1f2326", "#b9b4a8", "#3f6d8c"),
+    },
+    "board": {"wood": ("#6d5138", "#3b3d40"), "slate": ("#23272a",), "chalk": ("#d8d6cf", "#d9c27a")},
+    "cafe": {
+        "metal": ("#3b3d40", "#6a6d70"),
+        "top": ("#7c5a3c", "#b9b4a8", "#5c4a3a"),
+        "seat": ("#7c5a3c", "#3a3d40", "#8f6f4a"),
+        "cloth": ("#b8b0a0", "#8f3a34", "#3f5d50", "#c2a25a", "#4a5f7a"),
+    },
+    "delivery": {"wood": ("#9a7d58", "#7f6a4f"), "card": ("#a98a63", "#b59a76"), "tape": ("#8d6f4a", "#c9bfa8")},
+    "letter_box": {
+        "metal": ("#4a4d50",),
+        "paint": ("#c9a21f", "#a32a26", "#2b4a7a"),
+        "slot": ("#202224",),
+        "chalk": ("#e6e3dc",),
+    },
     "tower": {
         "wall": ("#8d8f90", "#a29c92", "#7f858b", "#9a8f84", "#b0aca4", "#8a7468", "#a3978a"),
         "window": ("#4b5660", "#56616a", "#46545a", "#5f676a"),

@@ -12,7 +12,7 @@ from itertools import pairwise
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns import network
 from recipe_compiler.library.towns.network import WALK, Block
-from recipe_compiler.library.towns.rows import Manner, row
+from recipe_compiler.library.towns.rows import Manner, close_streets, row, shopfronts
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.square import SquareGrid, lines
 from recipe_compiler.library.towns.streets import BAY, KERB, LANE
@@ -30,7 +30,7 @@ PARAMETERS: dict[str, TownParameter] = {
 
 def elements(*, size: tuple[int, int], storeys: int, trees: int) -> int:
     """Estimate the number of elements of the town."""
-    return 140 + int((size[0] + size[1]) * 1.0 + size[0] * size[1] / 60.0)
+    return 190 + int((size[0] + size[1]) * 1.0 + size[0] * size[1] / 60.0)
 
 
 def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town:
@@ -53,6 +53,7 @@ def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town
             if not block.sides:
                 _corner(site, block, trees)
     _square(site, half, trees)
+    close_streets(site, streets, manner)
     network.signals(site, streets, None, 20)
     skyline(site, (0.0, 0.0), (xs[1] + EDGE + 42, ys[1] + EDGE + 42))
     points = (*_on_square(half), *network.spawn_points(streets))
@@ -67,6 +68,8 @@ def _sidewalk(site: Site, block: Block, yaw: int) -> None:
         at = length * ((n + 0.5) / count - 0.5)
         site.add(f"lamp.{name}.{n}", "lamp", beside(kerb, -0.45, at), (0.16, 0.16, 5.6), arm=1.3)
     site.add(f"bin.{name}", "bin", beside(kerb, -0.6, 3.0), (0.42, 0.42, 0.95))
+    site.keyed(f"bicycles.{name}", "bicycles", beside(kerb, -1.1, 6.0, 90), (1.9, 1.8, 1.1))
+    shopfronts(site, name, kerb, tuple(2.4 * n - 12.0 for n in range(11)))
 
 
 def _corner(site: Site, block: Block, trees: int) -> None:

@@ -9,9 +9,11 @@ from recipe_compiler.ir.plan import Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.network import WALK, Block
 from recipe_compiler.library.towns.site import Site, beside
+from recipe_compiler.library.towns.streets import StreetGrid
 
 DEPTH = 12.0  # depth of a building
 GAP = 9.0  # width of the gap in a row
+_END = 22.0  # width of the building behind a dead end
 
 
 @dataclass(frozen=True)
@@ -106,3 +108,32 @@ def close_yards(site: Site, yards: list[Pose]) -> None:
     front = 3.0 + WALK
     for n, pose in enumerate(sorted(yards, key=lambda p: (abs(p.x - front) + abs(p.y), p.x, p.y))):
         site.add(f"wall.{n}", "wall", pose, (0.25, GAP, 2.6))
+
+
+def close_streets(site: Site, streets: StreetGrid, manner: Manner) -> None:
+    """Add a building behind each dead end, so that no street ends in the open."""
+    (x0, x1), (y0, y1) = streets.bounds
+    ends = [(f"y.{i}", x, y, yaw) for i, x in enumerate(streets.xs) for y, yaw in ((y0, 90), (y1, 270))]
+    ends += [(f"x.{j}", x, y, yaw) for j, y in enumerate(streets.ys) for x, yaw in ((x0, 0), (x1, 180))]
+    for name, x, y, yaw in ends:
+        front = beside(Pose(x=x, y=y, yaw=yaw), -0.4, 0.0)
+        _building(site, f"building.end.{name}.{yaw}", front, _END, manner, (True, True))
+
+
+def shopfronts(site: Site, name: str, kerb: Pose, places: tuple[float, ...]) -> None:
+    """Add café tables, boards and deliveries along the buildings of one side of a block.
+
+    Args:
+        site: The elements are added to it.
+        name: The name of the side.
+        kerb: The middle of its kerb, facing the street.
+        places: Positions along the kerb, metres from its middle to the left.
+    """
+    for n, at in enumerate(places):
+        draw, spot = site.stream("shopfront", name, str(n)).unit(), beside(kerb, 0.7 - WALK, at)
+        if draw < 0.45:
+            site.keyed(f"cafe.{name}.{n}", "cafe", spot, (1.3, 1.8, 2.4))
+        elif draw < 0.55:
+            site.keyed(f"board.{name}.{n}", "board", beside(spot, 0.2, 0.0, 90), (0.5, 0.62, 1.1))
+        elif draw < 0.65:
+            site.keyed(f"delivery.{name}.{n}", "delivery", beside(spot, -0.1, 0.0), (0.8, 1.2, 1.3))
