@@ -38,9 +38,11 @@ UNITS = {
     Pattern.FACADE: 3.2,
     Pattern.FOLIAGE: 1.0e6,  # its uv are fractions of the sky
 }
-EVEN = {Pattern.PLAIN, Pattern.METAL, Pattern.SKIN, Pattern.RUBBER, Pattern.CAR_PAINT, Pattern.GLASS, Pattern.LAMP}
-EVEN |= {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.LENS, Pattern.SIGNAL, Pattern.IMAGE}
-DRAWN = {Pattern.LETTER, Pattern.NICHE}  # over one face only
+EVEN = {Pattern.PLAIN, Pattern.METAL, Pattern.SKIN, Pattern.RUBBER, Pattern.GLASS, Pattern.LAMP}
+EVEN |= {Pattern.SIGNAL, Pattern.IMAGE}
+VEHICLES = {Pattern.CAR_PAINT, Pattern.CABIN, Pattern.NUMBER_PLATE, Pattern.HEADLIGHT, Pattern.TAILLIGHT}
+VEHICLES |= {Pattern.LENS, Pattern.BRAKELIGHT, Pattern.INDICATOR, Pattern.REVERSELIGHT}  # in the frame of a vehicle
+DRAWN = {Pattern.LETTER, Pattern.NICHE} | VEHICLES  # over one face only
 PATTERNS = [p for p in Pattern if p not in EVEN | DRAWN]
 
 

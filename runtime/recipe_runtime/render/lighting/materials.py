@@ -139,8 +139,16 @@ def material_of(
         m.street = seen.street
     elif pattern == Pattern.CAR_PAINT:
         m.coat = 0.05
-        m.gloss = 0.94
-    elif pattern == Pattern.GLASS or pattern == Pattern.CABIN:
+        m.gloss = 0.95 - 0.5 * detail[1]
+        m.street = 1.0
+    elif pattern == Pattern.CABIN:
+        inside = mix(wp.vec3f(0.03, 0.031, 0.033), second, detail[1]) * detail[0]
+        inside = mix(inside, wp.vec3f(0.33, 0.2, 0.14), detail[2])
+        m.albedo = mix(inside, wp.vec3f(0.2, 0.21, 0.22), detail[3]) * 0.8
+        m.coat = 0.08
+        m.gloss = 0.97
+        m.street = 1.0
+    elif pattern == Pattern.GLASS:
         m.albedo = first * 0.35
         m.coat = 0.09
         m.gloss = 0.97

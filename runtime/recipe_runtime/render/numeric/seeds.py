@@ -54,6 +54,7 @@ CLOUD_LARGE = wp.constant(wp.uint32(101))
 CLOUD_MIDDLE = wp.constant(wp.uint32(102))
 CLOUD_SMALL = wp.constant(wp.uint32(103))
 CLOUD_FINE = wp.constant(wp.uint32(104))
+VEHICLE_DIRT = wp.constant(wp.uint32(155))
 
 
 def noise_key(seed: int, name: str, frame: int) -> int:

@@ -53,6 +53,16 @@ def rotate(m: wp.array2d[wp.float32], row: wp.int32, v: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
+def rotate_back(m: wp.array2d[wp.float32], row: wp.int32, v: wp.vec3f) -> wp.vec3f:
+    """Rotate v by the inverse of the 3x4 matrix in a row of m."""
+    return wp.vec3f(
+        (m[row, 0] * v[0] + m[row, 4] * v[1]) + m[row, 8] * v[2],
+        (m[row, 1] * v[0] + m[row, 5] * v[1]) + m[row, 9] * v[2],
+        (m[row, 2] * v[0] + m[row, 6] * v[1]) + m[row, 10] * v[2],
+    )
+
+
+@wp.func
 def transform_point(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3f:
     """Transform a point from a part's frame by the matrix of the part in m."""
     return wp.vec3f(

@@ -12,12 +12,13 @@ change get samples of their own.
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import maximum, nonnegative
-from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate
+from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate, rotate_back
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
 from recipe_runtime.render.raster.skin_kernels import blended_normal
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.texture.images import order_steps, second_step, steps_between_pixels
 from recipe_runtime.render.texture.patterns import detail_of
+from recipe_runtime.render.texture.vehicle import is_of_vehicle
 
 wp.set_module_options(OPTIONS)
 
@@ -362,7 +363,12 @@ def evaluate_samples(
     focal = wp.float32(pinhole.focal)
     footprint = footprint_of(face, sight, z / focal)
     pattern = scene[0].surface_pattern[surface]
-    detail = detail_of(pattern, uv, out_positions[i], normalize(local), sight, footprint, wp.uint32(surface))
+    place = out_positions[i]
+    if is_of_vehicle(pattern) and part != 0:  # its patterns move with it
+        m = scene[0].world_from_part
+        place = rotate_back(m, part, place - wp.vec3f(m[part, 3], m[part, 7], m[part, 11]))
+        sight = rotate_back(m, part, sight)
+    detail = detail_of(pattern, uv, place, normalize(local), sight, footprint, wp.uint32(surface))
     out_normals[i] = detail.normal
     out_details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.parameter)
     out_codes[i] = detail.code

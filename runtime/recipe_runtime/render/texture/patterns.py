@@ -17,6 +17,7 @@ from recipe_runtime.render.numeric.vectors import normalize
 from recipe_runtime.render.texture.detail import Detail, fade
 from recipe_runtime.render.texture.ground import asphalt, blades, ripples, road_paint, slabs
 from recipe_runtime.render.texture.lettering import letter, poster
+from recipe_runtime.render.texture.vehicle import bodywork, cabin, is_lamp, number_plate, reflector
 from recipe_runtime.render.texture.wall import boards, bricks, planks, roof_tiles, stones, wall
 from recipe_runtime.render.texture.window import curtain_wall, facade, shop_window, window
 
@@ -137,5 +138,13 @@ def detail_of(
         return poster(d, uv, foot)
     elif pattern == Pattern.WATER:
         return ripples(d, p, foot)
+    elif pattern == Pattern.CAR_PAINT:
+        return bodywork(d, uv, p, foot)
+    elif pattern == Pattern.CABIN:
+        return cabin(d, uv, p, sight, foot)
+    elif pattern == Pattern.NUMBER_PLATE:
+        return number_plate(d, uv, foot)
+    elif is_lamp(pattern):
+        return reflector(d, pattern, uv, foot)
     d.tone = plain_tone(pattern, uv, p, foot, surface)
     return d

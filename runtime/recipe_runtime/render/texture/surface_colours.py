@@ -72,6 +72,8 @@ def _second(key: SurfaceKey, first: Any) -> Any:
         return np.array([0.72, 0.69, 0.62])
     if key.pattern == Pattern.NUMBER_PLATE:
         return np.array([0.02, 0.02, 0.025])
+    if key.pattern == Pattern.CAR_PAINT:
+        return 0.3 * first + np.array([0.10, 0.09, 0.075])
     if key.pattern == Pattern.CABIN:
         return np.array([0.05, 0.048, 0.045])
     if key.pattern == Pattern.LETTER:
