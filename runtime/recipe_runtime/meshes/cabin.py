@@ -17,6 +17,7 @@ class Cabin:
     half: float  # half the width inside
     head: float  # height of a driver's eyes
     belt: float  # height of the lower edge of the windows
+    roof: float  # height of the lining
     rows: int  # of seats, one of `ROWS`
     driver: bool
 
@@ -24,7 +25,8 @@ class Cabin:
         """Return the numbers: whole, and small enough that interpolation keeps them."""
         seat, half = _steps(self.seat, 0.02) + 256, _steps(self.half, 0.04)
         u = seat + 512 * half + 16384 * ROWS.index(self.rows) + 65536 * int(self.driver)
-        return float(u), float(_steps(self.head, 0.02) + 256 * _steps(self.belt, 0.02))
+        v = _steps(self.head, 0.02) + 256 * _steps(self.belt, 0.02) + 65536 * _steps(self.roof - self.head, 0.2)
+        return float(u), float(v)
 
 
 def _steps(value: float, step: float) -> int:

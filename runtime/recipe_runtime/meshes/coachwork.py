@@ -11,17 +11,23 @@ import numpy as np
 
 from recipe_runtime.body.skeleton import axle_shift
 from recipe_runtime.meshes.builder import Builder
+from recipe_runtime.meshes.cabin import Cabin
 from recipe_runtime.meshes.curves import Curve, quarter, smooth, straight
 from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.shut_lines import Edges, ShutLines, marked
 
 # The flank below the windows: heights as fractions from sill to belt, and half widths as fractions of the station's.
-_FLANK = ((0.0, 0.935), (0.09, 0.978), (0.26, 0.994), (0.44, 1.0), (0.60, 0.999), (0.74, 0.996), (0.88, 0.982),
-          (1.0, 0.950))  # fmt: skip
+_FLANK = ((0.0, 0.925), (0.05, 0.962), (0.14, 0.982), (0.28, 0.990), (0.45, 0.993), (0.60, 0.996), (0.72, 1.0),
+          (0.775, 0.999), (0.82, 0.988), (0.92, 0.973), (1.0, 0.950))  # fmt: skip
 # Above the belt: half widths on the roof and, outside the cabin, on bonnet or boot; distance below the roof.
-_TOP = ((1.05, 0.92, 9.0), (1.0, 0.84, 1.0), (0.94, 0.70, 0.3), (0.72, 0.5, 0.06), (0.38, 0.26, 0.0), (0.0, 0.0, 0.0))
-_LOW = len(_FLANK) - 1  # rows of patches below the belt; above it: moulding, window, rail, and three rows of the roof
+_TOP = ((1.05, 0.92, 9.0), (1.0, 0.84, 1.0), (0.95, 0.72, 0.36), (0.86, 0.62, 0.13), (0.66, 0.46, 0.04),
+        (0.36, 0.24, 0.0), (0.0, 0.0, 0.0))  # fmt: skip
+_LOW = len(_FLANK) - 1  # rows of patches below the belt; above it: moulding, window, rail, and four rows of the roof
 _ARCH = 1.12  # radius of a wheel arch, in wheel radii
 _NOSE = 0.16  # length over which bumpers are rounded, metres
+
+
+Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,10 @@ class Style:
     tail: tuple[float, float] = (0.55, 0.92)
     door: tuple[float, ...] = ()  # u of the doors on the right side of a bus
     bed: float = 0.0  # u of the front end of a pickup's open bed; 0 if there is none
-    fill: float = 0.36  # largest distance between cross-sections, metres
+    nose: tuple[float, float] = (0.17, 0.07)  # how far the nose recedes at the flanks, and above the bumper, metres
+    stern: tuple[float, float] = (0.10, 0.05)  # the same of the rear
+    rows: int = 2  # of seats
+    fill: float = 0.2  # largest distance between cross-sections, metres
 
 
 @dataclass(frozen=True)
@@ -55,6 +64,7 @@ class Finish:
     trim: Surface
     rubber: Surface
     rim: Surface
+    disc: Surface
     headlight: Surface
     taillight: Surface
     brakelight: Surface
@@ -75,6 +85,7 @@ class Finish:
             Surface("trim", Pattern.PLAIN, tag),
             Surface("rubber", Pattern.RUBBER, tag),
             Surface("rim", Pattern.METAL, tag),
+            Surface("disc", Pattern.METAL, tag),
             Surface("headlight", ahead, tag),
             Surface("taillight", behind, tag),
             Surface("brakelight", brake, tag),
@@ -118,7 +129,7 @@ class Shell:
         marks = {u for curve in (style.belt, style.roof, style.plan) for u, _ in curve if u >= style.start}
         marks |= {style.start, 1.0, *style.screens, *style.windows}
         keen = {self.x(u) for u in marks}
-        for u, wide in (*((p, 0.035) for p in style.pillars), *((s, 0.006) for s in style.seams)):
+        for u, wide in ((p, 0.035) for p in style.pillars):
             keen |= {self.x(u) - wide, self.x(u) + wide}
         for axle in self.axles:
             if axle + self.arch > self.x(style.start):
@@ -177,27 +188,70 @@ class Shell:
         rows[_LOW + 1] = (w * (0.938 - 0.02 * (1.0 - cabin)), belt - drop + 0.012 + 0.008 * cabin)
         return rows
 
-    def add(self, b: Builder, f: Finish) -> None:
-        """Add the shell with its nose and its tail."""
+    def bend(self, x: float, y: float, z: float) -> Point:
+        """Return a point of the straight shell on the rounded one: nose and tail recede at the flanks and above."""
+        ends = (1.0, self.style.nose, self.axles[1], self.x(1.0)), (-1.0, self.style.stern, self.axles[0], self.x(0.0))
+        for sign, (sweep, lean), axle, end in ends:
+            first = sign * axle + self.arch + 0.04
+            t = min(1.0, (sign * x - first) / (sign * end - first))
+            if t > 0.0 and (sign > 0 or self.style.start == 0.0):
+                bumper, aside = 1.5 * self.shape["wheel"], abs(y) / self.half
+                over = max(0.0, min(1.0, (z - bumper) / 0.3))
+                under = max(0.0, bumper - 0.2 - z) / 0.25
+                back = sweep * aside * aside + lean * over * over + 0.07 * under * under
+                x -= sign * t * t * (3.0 - 2.0 * t) * back
+        return x, y, z
+
+    def end(self, sign: float, y: float, z: float) -> float:
+        """Return x of the nose (sign 1) or of the tail (-1) at a place seen from ahead or behind, metres."""
+        x = self.x(1.0) if sign > 0 else self.x(self.style.start)
+        edge = straight([(pz, py) for py, pz in self.profile(x)], z)
+        t = min(1.0, abs(y) / max(edge, 0.01))
+        return self.bend(x + sign * 0.05 * (1.0 - t * t), y, z)[0]
+
+    def cabin(self, driver: bool) -> Cabin:
+        """Return what one sees through the windows."""
+        u = self.style.roof[-1][0]
+        seat, belt = self.x(u) - 1.35, self.belt(min(u - 0.25, 0.9))
+        roof = max(self.roof(u - 0.25 * k / 8) for k in range(9)) - 0.06
+        tall = 0.32 if self.style.rows < 4 else 0.55
+        return Cabin(seat, 0.86 * self.half, min(roof - 0.18, belt + tall), belt, roof, self.style.rows, driver)
+
+    def add(self, b: Builder, f: Finish, driver: bool) -> None:
+        """Add the shell with its nose and its tail; `driver`: whether one sits behind the wheel."""
         rings = []
         for x in self.stations:
             half = self.profile(x)
-            rings.append([(x, y, z) for y, z in half] + [(x, -y, z) for y, z in half[-2::-1]])
-        b.grid(self._patches(f), np.array(rings), closed=False, crease=0.9)
-        b.grid(f.trim, np.array([[ring[0], ring[-1]] for ring in rings])[:, ::-1], closed=False)
+            rings.append([self.bend(x, y, z) for y, z in half] + [self.bend(x, -y, z) for y, z in half[-2::-1]])
+        skin = Builder()
+        skin.grid(self._patches(f), np.array(rings), closed=False, crease=0.86)
+        skin.grid(f.trim, np.array([[ring[0], ring[-1]] for ring in rings])[:, ::-1], closed=False)
         for sign, x in ((1.0, self.x(1.0)), (-1.0, self.x(self.style.start))):
-            self._face(b, f, sign, x)
+            self._face(skin, f, sign, x)
+        marked(b, skin.mesh(), ShutLines(self._edges()), self.cabin(driver).uv())
+
+    def _edges(self) -> Edges:
+        style, sill = self.style, self.shape["clearance"]
+        lids, ends = (style.roof[0][0], style.roof[-1][0]), (style.start, 1.0)
+        return Edges(
+            half=self.half,
+            arches=(self.axles[0] - self.arch, self.axles[1] + self.arch),
+            doors=tuple(self.x(u) for u in style.seams),
+            lids=(self.x(lids[0]), self.x(lids[1])),
+            ends=(self.x(ends[0]), self.x(ends[1])),
+            sill=sill + 0.12,
+            split=sill + 0.5 * (self.belt(0.97) - sill),
+        )
 
     def _patches(self, f: Finish) -> list[list[Surface | None]]:
-        return [self._row(f, self.u((a + b) / 2), b - a) for a, b in pairwise(self.stations)]
+        return [self._row(f, self.u((a + b) / 2)) for a, b in pairwise(self.stations)]
 
-    def _row(self, f: Finish, u: float, wide: float) -> list[Surface | None]:
+    def _row(self, f: Finish, u: float) -> list[Surface | None]:
         """Return the surfaces of the patches between two stations, from the left sill over the roof to the right."""
         style = self.style
         ends = (1.0 - u if u > 0.5 else u) * self.length
         cabin = style.roof[0][0] < u < style.roof[-1][0]
         arch = any(abs(self.x(u) - a) < self.arch for a in self.axles)
-        seam = wide < 0.0121 and any(abs(u - s) * self.length < 0.006 for s in style.seams)
         pillar = any(abs(u - p) * self.length < 0.035 for p in style.pillars)
         lamp, band, deep = (f.headlight, style.lamps, 0.34) if u > 0.5 else (f.taillight, style.tail, 0.2)
         free = self.length / 2 - (self.axles[1] if u > 0.5 else -self.axles[0]) - self.arch
@@ -205,9 +259,7 @@ class Shell:
         left: list[Surface | None] = []
         for (f0, _), (f1, _) in pairwise(_FLANK):
             middle = (f0 + f1) / 2
-            if seam and f0 > 0.0:
-                left.append(f.trim)
-            elif ends < deep and band[0] < middle < band[1]:
+            if ends < deep and band[0] < middle < band[1]:
                 left.append(lamp)
             elif f0 == 0.0 and (style.clad or not arch):
                 left.append(f.trim)
@@ -217,52 +269,56 @@ class Shell:
         side = f.trim if pillar else f.glass
         screen = cabin and not style.screens[0] < u < style.screens[1]
         left += [f.trim if window else f.paint, side if window else f.paint, f.paint]
-        left += [f.glass if screen else f.paint] * 3
+        left += [f.glass if screen else f.paint] * 4
         if u < style.bed:
             left[_LOW + 1 :] = [None] * (len(left) - _LOW - 1)
         right = list(left)
         for u0, u1 in pairwise(style.door):
             if u0 < u < u1:
-                right[1:_LOW] = [f.trim if pillar or seam else f.glass] * (_LOW - 1)
+                right[1:_LOW] = [f.trim if pillar else f.glass] * (_LOW - 1)
         return [*left, *right[::-1]]
 
     def _face(self, b: Builder, f: Finish, sign: float, x: float) -> None:
         """Add the nose or the tail: a shallow bulge over the last cross-section, with lamps, grille and bumper."""
         half = self.profile(x)
-        across = (-1.0, -0.86, -0.70, -0.52, -0.26, 0.26, 0.52, 0.70, 0.86, 1.0)
+        across = (-1.0, -0.93, -0.86, -0.78, -0.70, -0.61, -0.52, -0.26, 0.26, 0.52, 0.61, 0.70, 0.78, 0.86, 0.93, 1.0)
         rows = []
         for y, z in half:
-            rows.append([(x + sign * 0.05 * (1.0 - t * t), t * y, z) for t in across])
+            rows.append([self.bend(x + sign * 0.05 * (1.0 - t * t), t * y, z) for t in across])
         cells: list[list[Surface | None]] = []
         for n in range(len(half) - 1):
-            places = [abs(t0 + t1) / 2 for t0, t1 in pairwise(across)]
+            places = [(t0 + t1) / 2 for t0, t1 in pairwise(across)]
             if self.style.start > 0.0 and sign < 0:
                 cells.append([f.paint for _ in places])
             else:
                 cells.append([(self._front if sign > 0 else self._back)(f, n, t) for t in places])
         grid = np.array(rows) if sign > 0 else np.array(rows)[:, ::-1]
-        b.grid(cells, grid, closed=False, crease=0.9)
+        b.grid(cells if sign > 0 else [row[::-1] for row in cells], grid, closed=False, crease=0.86)
 
     def _front(self, f: Finish, row: int, t: float) -> Surface:
-        """Return the surface of a patch of the nose, by its row and position from the middle (0) to the flank (1)."""
+        """Return the surface of a patch of the nose, by its row and position from the right flank (-1) to the left."""
+        aside = abs(t)
         if row >= _LOW:
             return f.paint if row < _LOW + 2 or self.roof(0.995) <= self.belt(0.995) + 0.2 else f.glass
         middle = (_FLANK[row][0] + _FLANK[row + 1][0]) / 2
         low, high = self.style.lamps
-        if low < middle < high and t > 0.6:
-            return f.headlight
-        if low - 0.02 < middle < high and t < 0.6:
+        if low < middle < high and aside > 0.6:
+            return f.indicators[int(t < 0)] if aside > 0.9 and middle < (low + high) / 2 else f.headlight
+        if low < middle < high - 0.04 and aside < 0.5:
             return f.trim
-        return f.trim if row == 0 or (row == 1 and t < 0.75) else f.paint
+        return f.trim if row < 2 or (middle < 0.3 and aside < 0.6) else f.paint
 
     def _back(self, f: Finish, row: int, t: float) -> Surface | None:
+        aside = abs(t)
         if row >= _LOW:
             return None if self.style.bed and row > _LOW else f.paint
         middle = (_FLANK[row][0] + _FLANK[row + 1][0]) / 2
         low, high = self.style.tail
-        if low < middle < high and t > 0.6:
-            return f.taillight
-        return f.trim if row == 0 or (row == 1 and self.style.clad) else f.paint
+        if low < middle < high and aside > 0.6:
+            if middle < low + 0.4 * (high - low):
+                return f.indicators[int(t < 0)] if aside > 0.8 else f.reverselight
+            return f.taillight if aside > 0.75 else f.brakelight
+        return f.trim if row < 2 or (middle < 0.2 and self.style.clad) else f.paint
 
     def flank(self, u: float, share: float) -> tuple[float, float]:
         """Return a point (y, z) of the left flank at a fraction of the height between sill and belt."""

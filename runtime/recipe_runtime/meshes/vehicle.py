@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 from recipe_compiler.ir.semantic_tags import BODIES
 
 from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder, level, upright
-from recipe_runtime.meshes.coachwork import Finish, Shell
+from recipe_runtime.meshes.coachwork import Finish, Point, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.styles import STYLES
 from recipe_runtime.meshes.wheels import car_wheel
@@ -36,7 +37,7 @@ def shell_of(shape: Mapping[str, float]) -> Shell:
 def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
     b, body, sign = Builder(), int(shape["body"]), shape["sign"]
     shell = shell_of(shape)
-    shell.add(b, f)
+    shell.add(b, f, lit)
     _underside(b, f, shell, body)
     _plates(b, f, shell, body)
     if lit:
@@ -68,16 +69,22 @@ def _underside(b: Builder, f: Finish, shell: Shell, body: int) -> None:
 def _plates(b: Builder, f: Finish, shell: Shell, body: int) -> None:
     """Add number plates at both ends."""
     for sign, u in ((1.0, 0.999), (-1.0, 0.001)):
-        x = sign * (shell.length / 2 + 0.056)
-        z = shell.flank(max(u, shell.style.start), 0.33 if sign > 0 else 0.34)[1] - 0.055
+        z = shell.flank(max(u, shell.style.start), 0.33 if sign > 0 else 0.36)[1] - 0.055
+        x = shell.end(sign, 0.0, z + 0.055) + sign * 0.006
         if body == TRUCK and sign < 0:
             x, z = -shell.length / 2 - 0.02, 0.55
-        _panel(b, f.trim, x - sign * 0.004, sign, -0.28, 0.28, z - 0.025, z + 0.135)
-        _panel(b, f.plate, x, sign, -0.25, 0.25, z, z + 0.11)
+        b.box(f.trim, *_box(x - sign * 0.05, x - sign * 0.002, -0.27, 0.27, z - 0.012, z + 0.122))
+        _panel(b, f.plate, x, sign, -0.26, 0.26, z, z + 0.11)
         for k in range(7):
-            if k != 2:
-                y = -0.205 + 0.061 * k
-                _panel(b, f.trim, x + sign * 0.003, sign, y, y + 0.038, z + 0.024, z + 0.086)
+            y = sign * (-0.24 + 0.064 * k + 0.02 * (k > 3))
+            quad = upright(x + sign * 0.002, *sorted((y, y + sign * 0.064)), z + 0.012, z + 0.098)
+            place = np.array([[(k, 0.0), (k + 0.999, 0.0), (k + 0.999, 1.0), (k, 1.0)]])
+            b.quads(f.number, [quad if sign > 0 else [quad[k] for k in (1, 0, 3, 2)]], place)
+
+
+def _box(x0: float, x1: float, y0: float, y1: float, z0: float, z1: float) -> tuple[Point, Point]:
+    """Return the lower and the upper corner of a box between two x in any order."""
+    return (min(x0, x1), y0, z0), (max(x0, x1), y1, z1)
 
 
 def _beams(b: Builder, shell: Shell) -> None:

@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 from recipe_runtime.meshes.builder import Builder, circle
-from recipe_runtime.meshes.coachwork import Finish
+from recipe_runtime.meshes.coachwork import Finish, Point
 from recipe_runtime.meshes.mesh import Mesh, Surface
 
-_SIDES = 18
+_SIDES = 24
 
 
 def car_wheel(f: Finish, radius: float, width: float, outside: float, spokes: int = 5) -> Mesh:
     """Return a tyre on a dished rim with openings on the side of +y if `outside` is 1, of -y if it is -1."""
     b = Builder()
-    half = width / 2
-    profile = [(-half, 0.66), (-half, 0.91), (-0.7 * half, 1.0)]
-    profile += [(-y, r) for y, r in reversed(profile)]
-    b.grid(f.rubber, [_around(y, r * radius) for y, r in profile], crease=0.6)
-    s = outside
-    dish = [(half, 0.66), (half - 0.035, 0.60), (half - 0.028, 0.20), (half - 0.01, 0.16)]
-    rows = [_around(s * y, r * radius) for y, r in [*dish, (half - 0.01, 0.0)]]
-    b.grid(f.rim, rows if s > 0 else rows[::-1], crease=0.8)
-    b.fan(f.trim, _around(-s * 0.7 * half, 0.67 * radius)[:: -int(s)])
+    half, s = width / 2, outside
+
+    def turned(surface: Surface, rows: list[tuple[float, float]], crease: float) -> None:
+        rings = [_around(s * y, r * radius) for y, r in rows]
+        b.grid(surface, rings if s > 0 else rings[::-1], crease=crease)
+
+    tread = [(0.97, 0.67), (1.0, 0.75), (1.02, 0.84), (0.98, 0.93), (0.86, 0.98), (0.6, 0.995)]
+    turned(f.rubber, [(-half * y, r) for y, r in tread] + [(half * y, r) for y, r in tread[::-1]], 0.8)
+    deep = half - 0.075
+    turned(f.rim, [(half - 0.004, 0.68), (half + 0.002, 0.655), (half - 0.012, 0.625), (deep, 0.60)], 0.8)
+    turned(f.trim, [(deep, 0.60), (deep, 0.0)], 0.8)
+    turned(f.disc, [(deep + 0.012, 0.47), (deep + 0.02, 0.46), (deep + 0.02, 0.18)], 0.5)
+    face = half - 0.016
+    turned(f.rim, [(deep, 0.17), (face - 0.004, 0.165), (face + 0.004, 0.13), (face + 0.006, 0.0)], 0.7)
+    b.fan(f.trim, _around(-s * 0.9 * half, 0.68 * radius)[:: -int(s)])
+    wide = 0.11 if spokes > 7 else 0.17 - 0.008 * spokes
     for k in range(spokes):
-        quad = []
-        wide = 0.36 * 180.0 / spokes
-        for r, angle in ((0.24, -0.8 * wide), (0.55, -1.3 * wide), (0.55, 1.3 * wide), (0.24, 0.8 * wide)):
-            c, sn = circle(1, 360.0 / spokes * k + angle)[0]
-            quad.append((r * radius * sn, s * (half - 0.02), r * radius * c))
-        b.quads(f.trim, [quad if s > 0 else quad[::-1]])
+        (c, sn), (tc, ts) = circle(1, 360.0 / spokes * k)[0], circle(1, 360.0 / spokes * k + 90.0)[0]
+
+        def at(r: float, t: float, y: float, c: float = c, sn: float = sn, tc: float = tc, ts: float = ts) -> Point:
+            return (r * sn + t * ts) * radius, s * y, (r * c + t * tc) * radius
+
+        inner, outer = 0.10, 0.63
+        edge = [(inner, -0.55 * wide), (outer, -0.5 * wide), (outer, 0.5 * wide), (inner, 0.55 * wide)]
+        high = [at(r, 0.78 * t, face if r > 0.3 else face + 0.003) for r, t in edge]
+        low = [at(r, t, face - 0.028) for r, t in edge]
+        quads = [high, [low[0], low[1], high[1], high[0]], [high[3], high[2], low[2], low[3]]]
+        b.quads(f.rim, [quad if s > 0 else quad[::-1] for quad in quads])
     return b.mesh()
 
 

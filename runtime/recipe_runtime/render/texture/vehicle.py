@@ -31,6 +31,7 @@ HIGH = wp.constant(wp.types.vector(length=32, dtype=wp.int32)(*[high for high, _
 LOW = wp.constant(wp.types.vector(length=32, dtype=wp.int32)(*[low for _, low in _DOTS], *[0] * (32 - len(_DOTS))))
 LETTERS = wp.constant(len(_DOTS) - 10)
 GROOVES = wp.constant(wp.float32(64.0))  # uv of paint from here on are the places of shut lines
+MIDDLE = wp.constant(wp.float32(80.0))  # added to these places
 GROOVE = wp.constant(wp.float32(0.0045))  # half the width of a shut line, metres
 FAR = wp.constant(wp.float32(99.0))
 
@@ -59,14 +60,14 @@ def line_share(distance: wp.float32, half: wp.float32, foot: wp.float32) -> wp.f
 
 @wp.func
 def bodywork(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Paint: shut lines at x = u - 64, and at z = v - 64 (on flat parts |y|); `second` is the share of dirt."""
+    """Paint: shut lines at x = u - 80, and at z = v - 80 (on flat parts |y|); `second` is the share of dirt."""
     lines = fade(0.12, foot)
     if uv[0] >= GROOVES and lines > 0.0:
-        share = line_share(p[0] - (uv[0] - GROOVES), GROOVE, foot)
+        share = line_share(p[0] - (uv[0] - MIDDLE), GROOVE, foot)
         across = wp.abs(p[1])
         if wp.abs(d.normal[2]) < 0.75:
             across = p[2]
-        share = maximum(share, line_share(across - (uv[1] - GROOVES), GROOVE, foot))
+        share = maximum(share, line_share(across - (uv[1] - MIDDLE), GROOVE, foot))
         d.tone = 1.0 - 0.92 * share * lines
     low = 1.0 - smoothstep(0.16, 0.62, p[2])
     if low > 0.0:
@@ -127,12 +128,13 @@ def cabin(d: Detail, uv: wp.vec2f, p: wp.vec3f, s: wp.vec3f, foot: wp.float32) -
     if rows == 4:
         rows = 8
     head = 0.02 * wp.float32(v & 255)
-    belt = 0.02 * wp.float32(v >> 8)
+    belt = 0.02 * wp.float32((v >> 8) & 255)
+    roof = head + 0.2 * wp.float32(v >> 16)
     rear = seat - PITCH * wp.float32(rows - 1) - 0.35
     # The walls: floor and lining, doors below the belt, and the street above it.
     side = to_plane(p[1], s[1], -half, half)
     end = to_plane(p[0], s[0], rear, seat + 1.15)
-    level = to_plane(p[2], s[2], belt - 0.45, head + 0.2)
+    level = to_plane(p[2], s[2], belt - 0.45, roof)
     t = minimum(level, minimum(side, end))
     z = p[2] + s[2] * t
     tone = wp.float32(0.35)
@@ -144,7 +146,7 @@ def cabin(d: Detail, uv: wp.vec2f, p: wp.vec3f, s: wp.vec3f, foot: wp.float32) -
         if s[2] > 0.0:
             tone = 1.3
     elif z > belt:
-        street = clamp01((z - belt) * 30.0) * clamp01((head + 0.17 - z) * 30.0)
+        street = clamp01((z - belt) * 30.0) * clamp01((roof - 0.03 - z) * 30.0)
     elif end <= t and s[0] > 0.0:
         tone = 0.2  # the dashboard
         cloth = 0.0
