@@ -72,6 +72,7 @@ BODY_TAGS: dict[str, Tag] = {
     "truck": Tag.TRUCK,
     "motorcycle": Tag.MOTORCYCLE,
     "bicycle": Tag.BICYCLE,
+    "scooter": Tag.MOTORCYCLE,
 }
 """Family of vehicles, the second part of a blueprint's id -> its semantic tag."""
 

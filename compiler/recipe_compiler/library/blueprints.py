@@ -129,7 +129,14 @@ def _body(name: str, size: tuple[float, float, float]) -> dict[str, float]:
 
 
 def _vehicle(
-    name: str, size: tuple[float, float, float], *, speed: float = 9.0, paint: tuple[str, ...] = _PAINT, **shape: float
+    name: str,
+    size: tuple[float, float, float],
+    *,
+    speed: float = 9.0,
+    paint: tuple[str, ...] = _PAINT,
+    livery: tuple[str, ...] = (),
+    beacon: tuple[str, ...] = (),
+    **shape: float,
 ) -> Blueprint:
     """Return a vehicle.
 
@@ -138,15 +145,21 @@ def _vehicle(
         size: length, width and height, metres.
         speed: default speed, m/s.
         paint: colours to draw from.
+        livery: colours of a band over the doors, if it has one.
+        beacon: colours of a light bar, if it has one.
         shape: `wheelbase`, radius of a `wheel` and ground `clearance`, metres; number of `spokes` of a rim; `blind`: 1
-            for a van without rear windows; `sign`: height of a taxi's lit roof sign, metres.
+            for a van without rear windows; `sign`: height of a taxi's lit roof sign, metres; `style`: a number of the outlines
+            of the body, of a truck that of its load.
     """
     kind, _, _ = name.partition(".")
-    numbers = _numbers(_body(name, size), {"spokes": 5, "blind": 0, "sign": 0}, shape)
+    numbers = _numbers(_body(name, size), {"spokes": 5, "blind": 0, "sign": 0, "style": 0}, shape)
     base = kind if kind in ("van", "truck", "bus") else "car"
     attributes = {"base_type": base, "number_of_wheels": "4"}
     tag = BODY_TAGS[kind].value
-    return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, _coloured(paint), speed, attributes)
+    palette = _coloured(paint) | {slot: c for slot, c in (("livery", livery), ("beacon", beacon)) if c}
+    if kind == "bus":
+        palette["display"] = ("#1c1c1e",)
+    return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, palette, speed, attributes)
 
 
 def _twowheeler(
@@ -159,8 +172,9 @@ def _twowheeler(
     kind, _, _ = name.partition(".")
     numbers = _numbers(_body(name, size), {"clearance": 0.15, "rider": rider}, _PERSON, shape)
     palette = _clothing(rider < _GROWN, _HELMETS, numbers) | _coloured(paint)
-    for absent in ("glass",) if kind == "motorcycle" else ("glass", "plate"):
-        del palette[absent]
+    lamps = ("brakelight", "indicator_left", "indicator_right", "disc")
+    for absent in ("glass", "seats", "reverselight", *(("plate", *lamps) if kind == "bicycle" else ("disc",))):
+        palette.pop(absent, None)
     attributes = {"base_type": kind, "number_of_wheels": "2"}
     return Blueprint(f"vehicle.{name}", "vehicle", BODY_TAGS[kind].value, numbers, palette, speed, attributes)
 
@@ -193,10 +207,16 @@ _CARS = (
     _vehicle("sedan.b", (4.92, 1.87, 1.47), wheelbase=2.92, wheel=0.34, clearance=0.16, spokes=10),
     _vehicle("sedan.taxi", (4.80, 1.84, 1.62), wheelbase=2.82, wheel=0.33, clearance=0.17,
              sign=0.12, paint=("#e0b11f", "#d9d6c8")),
+    _vehicle("sedan.coupe", (4.52, 1.86, 1.36), wheelbase=2.68, wheel=0.34, clearance=0.14, spokes=10, style=1),
+    _vehicle("sedan.police", (4.84, 1.86, 1.59), wheelbase=2.84, wheel=0.335, clearance=0.17, sign=0.12, style=2,
+             paint=("#e6e7e8",), livery=("#1d4f9c", "#2c6a3f"), beacon=("#1c3fc0",)),
+    _vehicle("hatchback.city", (3.44, 1.65, 1.50), wheelbase=2.34, wheel=0.29, clearance=0.15, spokes=6, style=1),
+    _vehicle("hatchback.estate", (4.74, 1.83, 1.49), wheelbase=2.80, wheel=0.33, clearance=0.16, spokes=10, style=2),
     _vehicle("hatchback.a", (4.08, 1.76, 1.49), wheelbase=2.55, wheel=0.315, clearance=0.17),
     _vehicle("hatchback.b", (3.62, 1.66, 1.52), wheelbase=2.36, wheel=0.295, clearance=0.16, spokes=7),
     _vehicle("suv.a", (4.62, 1.88, 1.68), wheelbase=2.70, wheel=0.365, clearance=0.22),
     _vehicle("suv.b", (4.95, 1.96, 1.80), wheelbase=2.90, wheel=0.395, clearance=0.24, spokes=6),
+    _vehicle("suv.compact", (4.26, 1.80, 1.62), wheelbase=2.60, wheel=0.345, clearance=0.20, spokes=7, style=1),
     _vehicle("van.a", (5.15, 1.98, 2.05), wheelbase=3.10, wheel=0.34, clearance=0.2, speed=8.0),
     _vehicle(
         "van.cargo", (5.45, 2.02, 2.38), wheelbase=3.30, wheel=0.345, clearance=0.2, speed=8.0, blind=True,
@@ -216,6 +236,14 @@ _CARS = (
         paint=("#e4e2da", "#2f5e8c", "#c0c4c6", "#8a2f2c", "#d8a531"),
     ),
     _vehicle(
+        "truck.tanker", (7.6, 2.35, 3.0), wheelbase=4.2, wheel=0.46, clearance=0.3, speed=7.0, style=1,
+        paint=("#d8d9da", "#c0c4c6", "#e4e2da"),
+    ),
+    _vehicle(
+        "truck.tipper", (6.8, 2.35, 2.9), wheelbase=3.9, wheel=0.47, clearance=0.31, speed=7.0, style=2,
+        paint=("#d8a531", "#b5382f", "#2f5e8c", "#37704f"),
+    ),
+    _vehicle(
         "truck.small", (6.0, 2.12, 2.75), wheelbase=3.35, wheel=0.39, clearance=0.27, speed=7.5,
         paint=("#e4e2da", "#c0c4c6", "#37704f", "#b5382f"),
     ),
@@ -228,6 +256,14 @@ _RIDDEN = (
     _twowheeler(
         "motorcycle.b", (2.18, 0.86, 1.60), wheelbase=1.46, wheel=0.32, rider=1.68, speed=8.5, hair=FULL,
         shoulder=0.94, girth=0.95, paint=("#1f2124", "#d9dadb", "#5e1f2c", "#6f8fa8"),
+    ),
+    _twowheeler(
+        "scooter.a", (1.82, 0.78, 1.64), wheelbase=1.28, wheel=0.245, rider=1.74, speed=8.0, hair=FULL,
+        paint=("#7fa9a0", "#e8e4da", "#a3232a", "#d8a531", "#6f8fa8"),
+    ),
+    _twowheeler(
+        "scooter.b", (1.88, 0.78, 1.58), wheelbase=1.32, wheel=0.26, rider=1.66, speed=8.0, hair=FULL,
+        shoulder=0.94, girth=0.95, paint=("#1f2124", "#d9dadb", "#1f3f70", "#8b9095"),
     ),
     _twowheeler(
         "bicycle.a", (1.76, 0.62, 1.84), wheelbase=1.06, wheel=0.345, rider=1.78, speed=4.6, hair=CYCLIST,

@@ -17,7 +17,7 @@ Offset = tuple[float, float, float]
 SIDES = (("left", 1.0), ("right", -1.0))
 
 PICKUP, BUS, TRUCK = BODIES.index("pickup"), BODIES.index("bus"), BODIES.index("truck")
-MOTORCYCLE, BICYCLE = BODIES.index("motorcycle"), BODIES.index("bicycle")
+MOTORCYCLE, BICYCLE, SCOOTER = (BODIES.index(name) for name in ("motorcycle", "bicycle", "scooter"))
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class Bike:
     @classmethod
     def of(cls, shape: Mapping[str, float]) -> Bike:
         """Return the dimensions of a shape with a rider."""
-        return cls(int(shape["body"]) == MOTORCYCLE, shape["wheel"], shape["wheelbase"], Figure.of(shape))
+        return cls(int(shape["body"]) != BICYCLE, shape["wheel"], shape["wheelbase"], Figure.of(shape))
 
     @cached_property
     def tyre(self) -> float:
@@ -227,7 +227,7 @@ def wheel_joints(shape: Mapping[str, float]) -> tuple[Joint, ...]:
 
 def axle_shift(shape: Mapping[str, float]) -> float:
     """Return how far the middle of the wheelbase is ahead of the middle of the vehicle, in metres."""
-    return {BUS: 0.45, TRUCK: 0.25, MOTORCYCLE: 0.0, BICYCLE: 0.0}.get(int(shape["body"]), 0.04)
+    return {BUS: 0.45, TRUCK: 0.25, MOTORCYCLE: 0.0, BICYCLE: 0.0, SCOOTER: 0.0}.get(int(shape["body"]), 0.04)
 
 
 def joints_of(shape: Mapping[str, float]) -> tuple[Joint, ...]:

@@ -52,6 +52,8 @@ class Style:
     nose: tuple[float, float] = (0.17, 0.07)  # how far the nose recedes at the flanks, and above the bumper, metres
     stern: tuple[float, float] = (0.10, 0.05)  # the same of the rear
     rows: int = 2  # of seats
+    livery: bool = False  # whether the doors have a band in another colour
+    rails: bool = False
     fill: float = 0.2  # largest distance between cross-sections, metres
 
 
@@ -197,7 +199,7 @@ class Shell:
             if t > 0.0 and (sign > 0 or self.style.start == 0.0):
                 bumper, aside = 1.5 * self.shape["wheel"], abs(y) / self.half
                 over = max(0.0, min(1.0, (z - bumper) / 0.3))
-                under = max(0.0, bumper - 0.2 - z) / 0.25
+                under = max(0.0, min(1.0, (bumper - 0.2 - z) / 0.25))
                 back = sweep * aside * aside + lean * over * over + 0.07 * under * under
                 x -= sign * t * t * (3.0 - 2.0 * t) * back
         return x, y, z
@@ -214,7 +216,7 @@ class Shell:
         u = self.style.roof[-1][0]
         seat, belt = self.x(u) - 1.35, self.belt(min(u - 0.25, 0.9))
         roof = max(self.roof(u - 0.25 * k / 8) for k in range(9)) - 0.06
-        tall = 0.32 if self.style.rows < 4 else 0.55
+        tall = {3: 0.46, 8: 0.55}.get(self.style.rows, 0.32)
         return Cabin(seat, 0.86 * self.half, min(roof - 0.18, belt + tall), belt, roof, self.style.rows, driver)
 
     def add(self, b: Builder, f: Finish, driver: bool) -> None:
@@ -264,7 +266,9 @@ class Shell:
             elif f0 == 0.0 and (style.clad or not arch):
                 left.append(f.trim)
             else:
-                left.append(f.trim if style.clad and (f1 < 0.3) else f.paint)
+                livery = style.livery and 0.28 < middle < 0.77 and style.seams[0] < u < style.seams[-1]
+                body = Surface("livery", Pattern.CAR_PAINT, f.paint.tag) if livery else f.paint
+                left.append(f.trim if style.clad and (f1 < 0.3) else body)
         window = cabin and style.windows[0] < u < style.windows[1]
         side = f.trim if pillar else f.glass
         screen = cabin and not style.screens[0] < u < style.screens[1]
@@ -319,6 +323,15 @@ class Shell:
                 return f.indicators[int(t < 0)] if aside > 0.8 else f.reverselight
             return f.taillight if aside > 0.75 else f.brakelight
         return f.trim if row < 2 or (middle < 0.2 and self.style.clad) else f.paint
+
+    def side(self, x: float, z: float) -> float:
+        """Return y of the left side at a height, metres; below the sill, that of the sill."""
+        return straight([(pz, py) for py, pz in self.profile(x)[: _LOW + 1]], z)
+
+    def top(self, x: float, y: float) -> float:
+        """Return the height of the shell above a place, metres."""
+        rows = self.profile(x)[_LOW:]
+        return straight([(py, pz) for py, pz in rows[::-1]], abs(y))
 
     def flank(self, u: float, share: float) -> tuple[float, float]:
         """Return a point (y, z) of the left flank at a fraction of the height between sill and belt."""

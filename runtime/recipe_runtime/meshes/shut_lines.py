@@ -54,8 +54,7 @@ class ShutLines:
         for sign, foot, end in ((1.0, of.lids[1], of.ends[1]), (-1.0, of.lids[0], of.ends[0])):
             deep = sign * (end - foot)
             if deep > 0.3 and sign * (x - foot) > -0.02:
-                near = foot + sign * 0.05 if sign < 0 else end - 0.2
-                return near, 0.8 * of.half
+                return foot - 0.05 if sign < 0 else _NONE, 0.8 * of.half
         return _NONE, _NONE
 
 

@@ -6,12 +6,14 @@ from collections.abc import Mapping
 
 from recipe_compiler.ir.semantic_tags import Tag
 
-from recipe_runtime.body.skeleton import Bike
-from recipe_runtime.meshes.builder import Builder, circle
+from recipe_runtime.body.skeleton import SCOOTER, Bike
+from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish
+from recipe_runtime.meshes.cycle_parts import guard, lamp, rear_lamps
 from recipe_runtime.meshes.lofts import loft, tube
-from recipe_runtime.meshes.mesh import Light, Mesh, Surface
+from recipe_runtime.meshes.mesh import Mesh
 from recipe_runtime.meshes.pedestrian import rider_parts
+from recipe_runtime.meshes.scooter import scooter_body, scooter_fork
 from recipe_runtime.meshes.wheels import spoked_wheel
 
 
@@ -19,13 +21,21 @@ def twowheeler_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, M
     """Return the base part `chassis`, with its origin on the ground between the wheels, then those of `Bike.joints`."""
     bike, f = Bike.of(shape), Finish.of(tag)
     joints = bike.joints()
+    scooter = int(shape["body"]) == SCOOTER
     wheel = spoked_wheel(
-        f.rubber, f.rim, bike.wheel, bike.tyre, 10 if bike.motor else 14, f.trim if bike.motor else None
+        f.rubber,
+        f.rim,
+        bike.wheel,
+        bike.tyre,
+        6 if scooter else 10 if bike.motor else 22,
+        f.trim if bike.motor else None,
     )
-    made = {"fork": _motor_fork(f, bike) if bike.motor else _fork(f, bike), "crank": _crank(f, bike)}
+    fork = scooter_fork if scooter else _motor_fork
+    made = {"fork": fork(f, bike) if bike.motor else _fork(f, bike), "crank": _crank(f, bike)}
     made |= {"wheel_front": wheel, "wheel_rear": wheel}
+    body = scooter_body if scooter else _motor
     own = 3 if bike.motor else 4
-    machine = [("chassis", _motor(f, bike) if bike.motor else _frame(f, bike))]
+    machine = [("chassis", body(f, bike) if bike.motor else _frame(f, bike))]
     machine += [(joint.part, made[joint.part]) for joint in joints[:own]]
     return (*machine, *rider_parts(shape, Tag.RIDER, joints[own:]))
 
@@ -50,23 +60,10 @@ def _frame(f: Finish, k: Bike) -> Mesh:
     loft(b, f.trim, [(z, rx, ry, hx + 0.03 + x) for z, rx, ry, x in saddle])
     tx, tz = rear - 0.79 * (k.wheel + 0.045), k.wheel + 0.61 * (k.wheel + 0.045)
     b.box(f.taillight, (tx - 0.02, -0.03, tz - 0.02), (tx + 0.01, 0.03, tz + 0.03))
-    _guard(b, f.trim, (rear, k.wheel), k.wheel + 0.02, 0.03, -70.0, 100.0)
+    guard(b, f.trim, (rear, k.wheel), k.wheel + 0.02, 0.03, -70.0, 100.0)
     tube(b, f.trim, [(rear, -0.055, k.wheel + 0.045), (cx, -0.055, cz + 0.09)], 0.006, 5)
     tube(b, f.trim, [(rear, -0.055, k.wheel - 0.045), (cx, -0.055, cz - 0.09)], 0.006, 5)
     return b.mesh()
-
-
-def _guard(
-    b: Builder, surface: Surface, hub: tuple[float, float], radius: float, half: float, start: float, end: float
-) -> None:
-    """Add a mudguard around a wheel, from `start` to `end` degrees from its top."""
-    rows = []
-    for n in range(9):
-        s, c = (v for v in circle(1, start + (end - start) * n / 8)[0][::-1])
-        arc = [(half, -0.5), (0.6 * half, 0.0), (-0.6 * half, 0.0), (-half, -0.5)]
-        rows.append([(hub[0] - (radius + half * d) * s, y, hub[1] + (radius + half * d) * c) for y, d in arc])
-    b.grid(surface, rows, closed=False, crease=0.2)
-    b.grid(surface, [row[::-1] for row in rows], closed=False, crease=0.2)
 
 
 def _fork(f: Finish, k: Bike) -> Mesh:
@@ -83,22 +80,9 @@ def _fork(f: Finish, k: Bike) -> Mesh:
     tube(b, f.rim, [*bar, *[(px, -py, pz) for px, py, pz in bar[-2::-1]]], 0.011, 6)
     for s in (1.0, -1.0):
         tube(b, f.rubber, [(x - 0.01, s * (y + 0.01), z), (x + 0.085, s * 0.79 * y, z + 0.009)], 0.016, 6)
-    _lamp(b, f, (0.05, 0.0, 0.10), 0.035, 600.0)
-    _guard(b, f.trim, (ahead, down), k.wheel + 0.02, 0.03, -38.0, 70.0)
+    lamp(b, f, (0.05, 0.0, 0.10), 0.035, 600.0)
+    guard(b, f.trim, (ahead, down), k.wheel + 0.02, 0.03, -38.0, 70.0)
     return b.mesh()
-
-
-def _lamp(b: Builder, f: Finish, at: tuple[float, float, float], radius: float, candela: float) -> None:
-    """Add a round headlamp."""
-    x, y, z = at
-
-    def rings(profile: list[tuple[float, float]]) -> list[list[tuple[float, float, float]]]:
-        return [[(px, y + radius * k * c, z + radius * k * s) for c, s in circle(10)] for px, k in profile]
-
-    shell = rings([(x - 1.5 * radius, 0.3), (x - 0.8 * radius, 0.85), (x, 1.0)])
-    b.grid(f.trim, shell, crease=0.2, caps=(f.trim, None))
-    b.grid(f.headlight, rings([(x, 1.0), (x + 0.3 * radius, 0.6)]), crease=0.2, caps=(None, f.headlight))
-    b.lights.append(Light((round(x + 0.5 * radius, 6), y, z), (0.994988, 0.0, -0.1), (1.0, 0.93, 0.82), candela, 0.88))
 
 
 def _crank(f: Finish, k: Bike) -> Mesh:
@@ -143,8 +127,8 @@ def _motor(f: Finish, k: Bike) -> Mesh:
     pipe = [(0.24, -0.13, r + 0.16), (0.26, -0.15, r - 0.06), (-0.1, -0.17, r - 0.10), (-half - 0.1, -0.18, r + 0.06)]
     tube(b, f.rim, pipe, (0.026, 0.026, 0.04, 0.05))
     end = hx - 0.44
-    _guard(b, f.trim, (-half, r), r + 0.02, 0.075, -35.0, 75.0)
-    b.box(f.taillight, (end - 0.05, -0.08, seat - 0.05), (end + 0.02, 0.08, seat + 0.01))
+    guard(b, f.trim, (-half, r), r + 0.02, 0.075, -35.0, 75.0)
+    rear_lamps(b, f, end, seat - 0.02)
     px, pz = -half - 0.30, r + 0.10
     for surface, low, high, y in ((f.plate, px, px + 0.03, 0.1), (f.trim, px + 0.004, px + 0.034, -0.1)):
         b.quads(surface, [[(low, y, pz), (low, -y, pz), (high, -y, pz + 0.16), (high, y, pz + 0.16)]])
@@ -167,7 +151,7 @@ def _motor_fork(f: Finish, k: Bike) -> Mesh:
         tube(b, f.trim, [(x + 0.06, s * 0.7 * y, z), (x + 0.06, s * 0.85 * y, z + 0.17)], 0.007, 5)
         mirror = [(z + 0.14, 0.012, 0.05, 0.0), (z + 0.20, 0.012, 0.065, 0.0)]
         loft(b, f.trim, [(mz, rx, ry, x + 0.06) for mz, rx, ry, _ in mirror], y=s * 0.95 * y)
-    _lamp(b, f, (0.06, 0.0, z - 0.16), 0.095, 7000.0)
+    lamp(b, f, (0.06, 0.0, z - 0.16), 0.095, 7000.0)
     loft(b, f.trim, [(z - 0.05, 0.05, 0.10, -0.04), (z, 0.04, 0.09, -0.06)])
-    _guard(b, f.paint, (ahead, down), k.wheel + 0.025, 0.075, -40.0, 60.0)
+    guard(b, f.paint, (ahead, down), k.wheel + 0.025, 0.075, -40.0, 60.0)
     return b.mesh()

@@ -11,6 +11,18 @@ from recipe_compiler.ir.semantic_tags import BODIES
 from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder, level, upright
 from recipe_runtime.meshes.coachwork import Finish, Point, Shell
+from recipe_runtime.meshes.fittings import (
+    arch_lips,
+    beacons,
+    exhaust,
+    grille,
+    rails,
+    roof_sign,
+    tank,
+    tipper,
+    wipers,
+)
+from recipe_runtime.meshes.lettering import bits
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.styles import STYLES
 from recipe_runtime.meshes.wheels import car_wheel
@@ -28,7 +40,8 @@ def vehicle_parts(shape: Mapping[str, float], tag: int, lit: bool) -> tuple[tupl
 
 def shell_of(shape: Mapping[str, float]) -> Shell:
     """Return the shell of a vehicle, without the sign of a taxi."""
-    style = STYLES[BODIES[int(shape["body"])]]
+    styles = STYLES[BODIES[int(shape["body"])]]
+    style = styles[min(int(shape["style"]), len(styles) - 1)]
     if shape["blind"]:
         style = replace(style, windows=(0.63, style.windows[1]), pillars=())
     return Shell(style, {**shape, "height": shape["height"] - shape["sign"]})
@@ -49,7 +62,14 @@ def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
     elif body == BUS:
         _destination(b, f, shell)
     elif sign > 0.0:
-        _roof_sign(b, f, shell, sign, lit)
+        beacons(b, f, shell, sign) if shell.style.livery else roof_sign(b, f, shell, sign, lit)
+    if body not in (BUS, TRUCK):
+        grille(b, f, shell)
+        wipers(b, f, shell)
+        exhaust(b, f, shell)
+    if shell.style.rails:
+        rails(b, f, shell)
+    arch_lips(b, f, shell)
     _mirrors(b, f, shell, body)
     _handles(b, f, shell, body)
     return b.mesh()
@@ -77,7 +97,7 @@ def _plates(b: Builder, f: Finish, shell: Shell, body: int) -> None:
         _panel(b, f.plate, x, sign, -0.26, 0.26, z, z + 0.11)
         for k in range(7):
             y = sign * (-0.24 + 0.064 * k + 0.02 * (k > 3))
-            quad = upright(x + sign * 0.002, *sorted((y, y + sign * 0.064)), z + 0.012, z + 0.098)
+            quad = upright(x + sign * 0.002, min(y, y + sign * 0.064), max(y, y + sign * 0.064), z + 0.012, z + 0.098)
             place = np.array([[(k, 0.0), (k + 0.999, 0.0), (k + 0.999, 1.0), (k, 1.0)]])
             b.quads(f.number, [quad if sign > 0 else [quad[k] for k in (1, 0, 3, 2)]], place)
 
@@ -101,38 +121,59 @@ def _panel(b: Builder, surface: Surface, x: float, sign: float, y0: float, y1: f
     b.quads(surface, [quad if sign > 0 else quad[::-1]])
 
 
+_LINES = ("CENTRE", "MARKET", "STATION")
+
+
 def _destination(b: Builder, f: Finish, shell: Shell) -> None:
     """Add a bus' destination display above its windscreen."""
     x, w = shell.length / 2, 0.6 * shell.half
-    b.box(f.trim, (x - 0.3, -w, 0.87 * shell.height), (x - 0.02, w, 0.955 * shell.height))
-
-
-def _roof_sign(b: Builder, f: Finish, shell: Shell, tall: float, lit: bool) -> None:
-    """Add a taxi's roof sign, lit at night unless the taxi is parked."""
-    face = Surface("plate", Pattern.LAMP if lit else Pattern.PLAIN, f.plate.tag)
-    x, z = shell.x(0.46), shell.height
-    b.box(f.trim, (x - 0.09, -0.28, z - 0.02), (x + 0.09, 0.28, z + 0.02))
-    b.box(face, (x - 0.07, -0.25, z + 0.02), (x + 0.07, 0.25, z + tall))
+    z, tall = 0.91 * shell.height, 0.16
+    b.box(f.trim, (x - 0.3, -w, z - 0.12), (x + 0.055, w, z + 0.12))
+    amber = Surface("display", Pattern.LETTER, f.plate.tag)
+    text = _LINES[int(shell.length * 100) % len(_LINES)]
+    wide = 0.7 * tall
+    for n, sign in enumerate(text):
+        if sign == " ":
+            continue
+        y = (n - len(text) / 2) * 1.25 * wide
+        high, low = bits(sign)
+        place = [[(high + i, low + j) for i, j in ((0.004, 0.004), (0.996, 0.004), (0.996, 0.996), (0.004, 0.996))]]
+        quad = upright(x + 0.057, y, y + wide, z - tall / 2, z + tall / 2)
+        b.quads(amber, [quad], np.array(place))
 
 
 def _cargo(b: Builder, f: Finish, shell: Shell) -> None:
     """Add a truck's frame and box, with doors, lights and guards at the rear."""
     x0, x1, w, h = -shell.length / 2, shell.x(0.715), shell.half, shell.height
-    low, edge = 0.30 * h, 0.04
-    ring = [(w - edge, low), (w, low + edge), (w, h - edge), (w - edge, h), (edge - w, h), (-w, h - edge),
-            (-w, low + edge), (edge - w, low)]  # fmt: skip
-    b.grid(f.paint, [[(x, y, z) for y, z in ring] for x in (x0, x1)], crease=0.8, caps=(f.paint, f.paint))
+    low = 0.30 * h
+    if shell.shape["style"] == 1:
+        tank(b, f, x0 + 0.05, x1, low + 0.04, min(h, low + 1.9 * w), 0.94 * w)
+    elif shell.shape["style"] == 2:
+        tipper(b, f, x0 + 0.05, x1, low + 0.1, low + 0.6 * (h - low), w - 0.06)
+    else:
+        _box_body(b, f, (x0, x1), w, low, h)
     b.box(f.trim, (x0 + 0.02, -0.9 * w, low - 0.12), (x1 + 0.4, 0.9 * w, low))
     b.box(f.trim, (x0 + 0.02, -0.5 * w, 0.5), (x1, 0.5 * w, low - 0.1))
-    for x, wide in ((0.0, 0.012), (0.32 * w, 0.008), (-0.32 * w, 0.008)):
-        _panel(b, f.rim if wide < 0.01 else f.trim, x0 - 0.006, -1.0, x - wide, x + wide, low + 0.05, h - 0.06)
     b.box(f.trim, (x0 - 0.01, -w + 0.05, 0.46), (x0 + 0.12, w - 0.05, 0.58))
     for s in (1.0, -1.0):
-        y0, y1 = sorted((s * 0.62 * w, s * 0.95 * w))
-        b.box(f.taillight, (x0 - 0.015, y0, low - 0.16), (x0 + 0.05, y1, low - 0.05))
+        lamps = (f.reverselight, f.indicators[int(s < 0)], f.brakelight, f.taillight)
+        for lamp, inner, outer in zip(lamps, (0.62, 0.70, 0.78, 0.86), (0.70, 0.78, 0.86, 0.95), strict=True):
+            y0, y1 = sorted((s * inner * w, s * outer * w))
+            b.box(lamp, (x0 - 0.015, y0, low - 0.18), (x0 + 0.05, y1, low - 0.05))
         rear = shell.axles[0]
         y0, y1 = sorted((s * (w - 0.05), s * (w - 0.09)))
         b.box(f.trim, (rear + 0.65, y0, 0.5), (x1 - 0.2, y1, low - 0.14))
+
+
+def _box_body(b: Builder, f: Finish, ends: tuple[float, float], w: float, low: float, h: float) -> None:
+    """Add a closed box with doors at the rear."""
+    x0, x1 = ends
+    edge = 0.04
+    ring = [(w - edge, low), (w, low + edge), (w, h - edge), (w - edge, h), (edge - w, h), (-w, h - edge),
+            (-w, low + edge), (edge - w, low)]  # fmt: skip
+    b.grid(f.paint, [[(x, y, z) for y, z in ring] for x in (x0, x1)], crease=0.8, caps=(f.paint, f.paint))
+    for x, wide in ((0.0, 0.012), (0.32 * w, 0.008), (-0.32 * w, 0.008)):
+        _panel(b, f.rim if wide < 0.01 else f.trim, x0 - 0.006, -1.0, x - wide, x + wide, low + 0.05, h - 0.06)
 
 
 def _bed(b: Builder, f: Finish, shell: Shell) -> None:

@@ -144,7 +144,7 @@ def material_of(
     elif pattern == Pattern.CABIN:
         inside = mix(wp.vec3f(0.03, 0.031, 0.033), second, detail[1]) * detail[0]
         inside = mix(inside, wp.vec3f(0.33, 0.2, 0.14), detail[2])
-        m.albedo = mix(inside, wp.vec3f(0.2, 0.21, 0.22), detail[3]) * 0.8
+        m.albedo = mix(inside, wp.vec3f(0.095, 0.1, 0.105), detail[3]) * 0.85
         m.coat = 0.08
         m.gloss = 0.97
         m.street = 1.0

@@ -28,6 +28,7 @@ _KINDS = {
     "bus": VehicleKind(12000.0, 1.8, 6.5),
     "truck": VehicleKind(9000.0, 1.8, 6.5),
     "motorcycle": VehicleKind(280.0, 3.5, 7.8),
+    "scooter": VehicleKind(190.0, 2.5, 7.0),
     "bicycle": VehicleKind(90.0, 1.5, 5.0),
 }
 

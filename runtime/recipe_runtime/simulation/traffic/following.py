@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from recipe_compiler.ir.plan import DriverPlan
 
-from recipe_runtime.body.skeleton import BICYCLE, BUS, MOTORCYCLE, TRUCK
+from recipe_runtime.body.skeleton import BICYCLE, BUS, MOTORCYCLE, SCOOTER, TRUCK
 
 HARDEST_BRAKING = 8.0  # m/s2
 COOLNESS = 0.95  # coolness factor c of the extended model
@@ -46,6 +46,7 @@ _STYLES = {
     BUS: Style(1.1, 1.6, 1.4, 2.2),
     TRUCK: Style(1.1, 1.6, 1.4, 2.2),
     MOTORCYCLE: Style(2.2, 2.2, 1.0, 1.8),
+    SCOOTER: Style(2.2, 2.2, 1.0, 1.8),
     BICYCLE: Style(0.9, 1.6, 1.0, 1.4),
 }
 

@@ -13,11 +13,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from recipe_runtime.body.skeleton import BUS, MOTORCYCLE, TRUCK
+from recipe_runtime.body.skeleton import BUS, MOTORCYCLE, SCOOTER, TRUCK
 
 PEAK = 5.7736  # greatest acceleration of a quintic between two states of rest: 10 / sqrt(3), times distance / time^2
 _STREET = _REVISED = 1.6  # m/s2, greatest lateral acceleration on streets, and of changes that are revised
-_MOTORWAY, _MOTORWAYS = 0.95, {BUS: 0.6, TRUCK: 0.6, MOTORCYCLE: 1.15}  # m/s2, and on roads with several lanes
+_MOTORWAY, _MOTORWAYS = (
+    0.95,
+    {BUS: 0.6, TRUCK: 0.6, MOTORCYCLE: 1.15, SCOOTER: 1.15},
+)  # m/s2, and on roads with several lanes
 _CURVATURE = 0.12  # 1/m, of a slow vehicle's path, whose steering angle is the limit
 _SAMPLES, _STRETCH, _TRIES = 24, 1.1, 24  # of a change that begins in motion, whose duration is found by trial
 _TOLERANCE = 1.05  # its greatest acceleration, relative to `_REVISED`
