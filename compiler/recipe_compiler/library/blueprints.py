@@ -107,6 +107,7 @@ def _coloured(paint: tuple[str, ...]) -> Palette:
         "glass": ("#1c2328", "#20282c"),
         "trim": ("#17181a", "#232427"),
         "rubber": ("#1a1a1b",),
+        "disc": ("#6f7174",),
         "rim": ("#9a9da1", "#75787c", "#b9bcc0"),
         "headlight": ("#a9b3ba",),
         "taillight": ("#7d0d12",),
@@ -148,8 +149,8 @@ def _vehicle(
         livery: colours of a band over the doors, if it has one.
         beacon: colours of a light bar, if it has one.
         shape: `wheelbase`, radius of a `wheel` and ground `clearance`, metres; number of `spokes` of a rim; `blind`: 1
-            for a van without rear windows; `sign`: height of a taxi's lit roof sign, metres; `style`: a number of the outlines
-            of the body, of a truck that of its load.
+            for a van without rear windows; `sign`: height of a taxi's lit roof sign, metres; `style`: the number of
+            the outlines of its body, for a truck of its load.
     """
     kind, _, _ = name.partition(".")
     numbers = _numbers(_body(name, size), {"spokes": 5, "blind": 0, "sign": 0, "style": 0}, shape)
@@ -240,7 +241,7 @@ _CARS = (
         paint=("#d8d9da", "#c0c4c6", "#e4e2da"),
     ),
     _vehicle(
-        "truck.tipper", (6.8, 2.35, 2.9), wheelbase=3.9, wheel=0.47, clearance=0.31, speed=7.0, style=2,
+        "truck.tipper", (6.8, 2.35, 2.8), wheelbase=3.9, wheel=0.47, clearance=0.31, speed=7.0, style=2,
         paint=("#d8a531", "#b5382f", "#2f5e8c", "#37704f"),
     ),
     _vehicle(
@@ -258,11 +259,11 @@ _RIDDEN = (
         shoulder=0.94, girth=0.95, paint=("#1f2124", "#d9dadb", "#5e1f2c", "#6f8fa8"),
     ),
     _twowheeler(
-        "scooter.a", (1.82, 0.78, 1.64), wheelbase=1.28, wheel=0.245, rider=1.74, speed=8.0, hair=FULL,
+        "scooter.a", (1.82, 0.78, 1.58), wheelbase=1.28, wheel=0.245, rider=1.74, speed=8.0, hair=FULL,
         paint=("#7fa9a0", "#e8e4da", "#a3232a", "#d8a531", "#6f8fa8"),
     ),
     _twowheeler(
-        "scooter.b", (1.88, 0.78, 1.58), wheelbase=1.32, wheel=0.26, rider=1.66, speed=8.0, hair=FULL,
+        "scooter.b", (1.88, 0.78, 1.54), wheelbase=1.32, wheel=0.26, rider=1.66, speed=8.0, hair=FULL,
         shoulder=0.94, girth=0.95, paint=("#1f2124", "#d9dadb", "#1f3f70", "#8b9095"),
     ),
     _twowheeler(

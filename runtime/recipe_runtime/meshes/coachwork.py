@@ -24,6 +24,7 @@ _TOP = ((1.05, 0.92, 9.0), (1.0, 0.84, 1.0), (0.95, 0.72, 0.36), (0.86, 0.62, 0.
         (0.36, 0.24, 0.0), (0.0, 0.0, 0.0))  # fmt: skip
 _LOW = len(_FLANK) - 1  # rows of patches below the belt; above it: moulding, window, rail, and four rows of the roof
 _ARCH = 1.12  # radius of a wheel arch, in wheel radii
+_FILL = 0.7  # largest distance between cross-sections of the coarse version, metres
 _NOSE = 0.16  # length over which bumpers are rounded, metres
 
 
@@ -55,6 +56,14 @@ class Style:
     livery: bool = False  # whether the doors have a band in another colour
     rails: bool = False
     fill: float = 0.2  # largest distance between cross-sections, metres
+
+
+@dataclass(frozen=True)
+class Sight:
+    """From where the versions of a vehicle's parts are seen: see `Level`; metres."""
+
+    near: float
+    anchor: Point
 
 
 @dataclass(frozen=True)
@@ -102,8 +111,8 @@ class Finish:
 class Shell:
     """The shell of a vehicle: the geometry of its surface, and its patches."""
 
-    def __init__(self, style: Style, shape: Mapping[str, float]) -> None:
-        self.style, self.shape = style, shape
+    def __init__(self, style: Style, shape: Mapping[str, float], coarse: bool = False) -> None:
+        self.style, self.shape, self._coarse = style, shape, coarse
         self.length, self.half, self.height = shape["length"], shape["width"] / 2, shape["height"]
         shift = axle_shift(shape)
         self.axles = (shift - shape["wheelbase"] / 2, shift + shape["wheelbase"] / 2)
@@ -135,10 +144,9 @@ class Shell:
             keen |= {self.x(u) - wide, self.x(u) + wide}
         for axle in self.axles:
             if axle + self.arch > self.x(style.start):
-                keen |= {
-                    axle + self.arch * k for k in (-1.0, -0.97, -0.87, -0.64, -0.34, 0.0, 0.34, 0.64, 0.87, 0.97, 1.0)
-                }
-        for t in (0.0, 0.12, 0.34, 0.64, 1.0):
+                places = (0.34, 0.87, 1.0) if self._coarse else (0.0, 0.34, 0.64, 0.87, 0.97, 1.0)
+                keen |= {axle + sign * self.arch * k for k in places for sign in (-1.0, 1.0)}
+        for t in (0.0, 0.34, 1.0) if self._coarse else (0.0, 0.12, 0.34, 0.64, 1.0):
             keen |= {self.x(1.0) - _NOSE * t, self.x(style.start) + _NOSE * t}
         found: list[float] = []
         for x in sorted(round(x, 4) for x in keen):
@@ -147,7 +155,7 @@ class Shell:
         fill = [
             a + (b - a) * k / n
             for a, b in pairwise(found)
-            for n in [int((b - a) / self.style.fill) + 1]
+            for n in [int((b - a) / (_FILL if self._coarse else self.style.fill)) + 1]
             for k in range(n)
         ]
         return [*fill, found[-1]]

@@ -58,8 +58,8 @@ def rails(b: Builder, f: Finish, shell: Shell) -> None:
     for s in (1.0, -1.0):
         y = 0.80 * shell.style.roof_width * shell.half
         path = [(first + (last - first) * k / 6, s * y) for k in range(7)]
-        rail = [(x, y, shell.top(x, y) + (0.045 if 0 < k < 6 else 0.0)) for k, (x, y) in enumerate(path)]
-        tube(b, f.rim, rail, 0.014, 6)
+        rail = [(x, y, shell.top(x, y) + (0.025 if 0 < k < 6 else 0.0)) for k, (x, y) in enumerate(path)]
+        tube(b, f.rim, rail, 0.012, 6)
 
 
 def exhaust(b: Builder, f: Finish, shell: Shell) -> None:
@@ -102,15 +102,16 @@ def tank(b: Builder, f: Finish, x0: float, x1: float, low: float, high: float, h
     b.box(f.trim, (x0 + 0.3, -0.28, z + tall - 0.02), (x1 - 0.3, 0.28, z + tall + 0.03))
 
 
-def tipper(b: Builder, f: Finish, x0: float, x1: float, low: float, high: float, half: float) -> None:
-    """Add an open body with ribs on its sides."""
+def tipper(b: Builder, f: Finish, x0: float, x1: float, low: float, roof: float, half: float) -> None:
+    """Add an open body with ribs on its sides, and a wall up to the roof behind the cab."""
+    high = low + 0.6 * (roof - low)
     outer = ((x0, -half, low), (x1, half, low + 0.12))
     b.box(f.paint, *outer)
     thick = 0.05
     for y0, y1 in ((-half, -half + thick), (half - thick, half)):
         b.box(f.paint, (x0, y0, low + 0.12), (x1, y1, high))
-    for a, c in ((x0, x0 + thick), (x1 - thick, x1)):
-        b.box(f.paint, (a, -half, low + 0.12), (c, half, high))
+    for a, c, top in ((x0, x0 + thick, high), (x1 - thick, x1, roof)):
+        b.box(f.paint, (a, -half, low + 0.12), (c, half, top))
     count = math.floor((x1 - x0) / 0.6)
     for n in range(count + 1):
         x = x0 + (x1 - x0) * n / count

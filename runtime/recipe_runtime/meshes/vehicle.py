@@ -10,7 +10,7 @@ from recipe_compiler.ir.semantic_tags import BODIES
 
 from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder, level, upright
-from recipe_runtime.meshes.coachwork import Finish, Point, Shell
+from recipe_runtime.meshes.coachwork import Finish, Point, Shell, Sight
 from recipe_runtime.meshes.fittings import (
     arch_lips,
     beacons,
@@ -27,30 +27,37 @@ from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.styles import STYLES
 from recipe_runtime.meshes.wheels import car_wheel
 
+_NEAR = 25.0  # metres up to which details are shown
+
 
 def vehicle_parts(shape: Mapping[str, float], tag: int, lit: bool) -> tuple[tuple[str, Mesh], ...]:
     """Return the base part `chassis`, whose origin is on the ground below the vehicle's middle, then the wheels."""
     finish = Finish.of(tag, lit)
     heavy = shape["width"] > 2.1
     wide, spokes = (0.28, 8) if heavy else (0.215, int(shape["spokes"]))
-    wheels = {side: car_wheel(finish, shape["wheel"], wide, side, spokes) for side in (1.0, -1.0)}
+    sight = Sight(_NEAR, (0.0, 0.0, round(shape["height"] / 2, 6)))
+    wheels = {side: car_wheel(finish, shape["wheel"], wide, side, spokes, sight) for side in (1.0, -1.0)}
     joints = [(joint.part, wheels[1.0 if joint.offset[1] > 0 else -1.0]) for joint in wheel_joints(shape)]
-    return (("chassis", _chassis(finish, shape, lit)), *joints)
+    return (("chassis", _chassis(finish, shape, lit, sight)), *joints)
 
 
-def shell_of(shape: Mapping[str, float]) -> Shell:
+def shell_of(shape: Mapping[str, float], coarse: bool = False) -> Shell:
     """Return the shell of a vehicle, without the sign of a taxi."""
     styles = STYLES[BODIES[int(shape["body"])]]
     style = styles[min(int(shape["style"]), len(styles) - 1)]
     if shape["blind"]:
         style = replace(style, windows=(0.63, style.windows[1]), pillars=())
-    return Shell(style, {**shape, "height": shape["height"] - shape["sign"]})
+    return Shell(style, {**shape, "height": shape["height"] - shape["sign"]}, coarse)
 
 
-def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
+def _chassis(f: Finish, shape: Mapping[str, float], lit: bool, sight: Sight) -> Mesh:
     b, body, sign = Builder(), int(shape["body"]), shape["sign"]
     shell = shell_of(shape)
-    shell.add(b, f, lit)
+    with b.level(0.0, sight.near, anchor=sight.anchor, casts=False):
+        shell.add(b, f, lit)
+        _fittings(b, f, shell, body)
+    with b.level(sight.near, anchor=sight.anchor, casts=True):
+        shell_of(shape, coarse=True).add(b, f, lit)
     _underside(b, f, shell, body)
     _plates(b, f, shell, body)
     if lit:
@@ -63,6 +70,12 @@ def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
         _destination(b, f, shell)
     elif sign > 0.0:
         beacons(b, f, shell, sign) if shell.style.livery else roof_sign(b, f, shell, sign, lit)
+    _mirrors(b, f, shell, body)
+    return b.mesh()
+
+
+def _fittings(b: Builder, f: Finish, shell: Shell, body: int) -> None:
+    """Add what one sees from near by only."""
     if body not in (BUS, TRUCK):
         grille(b, f, shell)
         wipers(b, f, shell)
@@ -70,9 +83,7 @@ def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
     if shell.style.rails:
         rails(b, f, shell)
     arch_lips(b, f, shell)
-    _mirrors(b, f, shell, body)
     _handles(b, f, shell, body)
-    return b.mesh()
 
 
 def _underside(b: Builder, f: Finish, shell: Shell, body: int) -> None:
@@ -149,7 +160,7 @@ def _cargo(b: Builder, f: Finish, shell: Shell) -> None:
     if shell.shape["style"] == 1:
         tank(b, f, x0 + 0.05, x1, low + 0.04, min(h, low + 1.9 * w), 0.94 * w)
     elif shell.shape["style"] == 2:
-        tipper(b, f, x0 + 0.05, x1, low + 0.1, low + 0.6 * (h - low), w - 0.06)
+        tipper(b, f, x0 + 0.05, x1, low + 0.1, h, w - 0.06)
     else:
         _box_body(b, f, (x0, x1), w, low, h)
     b.box(f.trim, (x0 + 0.02, -0.9 * w, low - 0.12), (x1 + 0.4, 0.9 * w, low))

@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 from recipe_runtime.meshes.builder import Builder, circle
-from recipe_runtime.meshes.coachwork import Finish, Point
+from recipe_runtime.meshes.coachwork import Finish, Point, Sight
 from recipe_runtime.meshes.mesh import Mesh, Surface
 
-_SIDES = 24
+_SIDES, _FAR_SIDES = 24, 12
 
 
-def car_wheel(f: Finish, radius: float, width: float, outside: float, spokes: int = 5) -> Mesh:
+def car_wheel(f: Finish, radius: float, width: float, outside: float, spokes: int, sight: Sight) -> Mesh:
     """Return a tyre on a dished rim with openings on the side of +y if `outside` is 1, of -y if it is -1."""
     b = Builder()
+    with b.level(0.0, sight.near, anchor=sight.anchor, casts=False):
+        _near_wheel(b, f, radius, width, outside, spokes)
+    with b.level(sight.near, anchor=sight.anchor, casts=True):
+        half, s = width / 2, outside
+        for surface, rows in (
+            (
+                f.rubber,
+                [(-half, 0.66), (-half, 0.93), (-0.7 * half, 1.0), (0.7 * half, 1.0), (half, 0.93), (half, 0.66)],
+            ),
+            (f.rim, [(half - 0.01, 0.66), (half - 0.03, 0.52)]),
+            (f.trim, [(half - 0.05, 0.54), (half - 0.05, 0.3)]),
+            (f.rim, [(half - 0.03, 0.34), (half - 0.02, 0.0)]),
+        ):
+            rings = [_around(s * y, r * radius, _FAR_SIDES) for y, r in rows]
+            b.grid(surface, rings if s > 0 else rings[::-1], crease=0.5)
+    return b.mesh()
+
+
+def _near_wheel(b: Builder, f: Finish, radius: float, width: float, outside: float, spokes: int) -> None:
     half, s = width / 2, outside
 
     def turned(surface: Surface, rows: list[tuple[float, float]], crease: float) -> None:
@@ -40,7 +59,6 @@ def car_wheel(f: Finish, radius: float, width: float, outside: float, spokes: in
         low = [at(r, t, face - 0.028) for r, t in edge]
         quads = [high, [low[0], low[1], high[1], high[0]], [high[3], high[2], low[2], low[3]]]
         b.quads(f.rim, [quad if s > 0 else quad[::-1] for quad in quads])
-    return b.mesh()
 
 
 def spoked_wheel(rubber: Surface, rim: Surface, radius: float, tyre: float, spokes: int, disc: Surface | None) -> Mesh:
@@ -68,6 +86,6 @@ def spoked_wheel(rubber: Surface, rim: Surface, radius: float, tyre: float, spok
     return b.mesh()
 
 
-def _around(y: float, r: float) -> list[tuple[float, float, float]]:
+def _around(y: float, r: float, sides: int = _SIDES) -> list[tuple[float, float, float]]:
     """Return a ring about the axle, clockwise seen from +y."""
-    return [(r * s, y, r * c) for c, s in circle(_SIDES)]
+    return [(r * s, y, r * c) for c, s in circle(sides)]

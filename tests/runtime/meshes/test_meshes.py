@@ -49,6 +49,14 @@ def check(mesh: Mesh) -> None:
     assert np.abs(length - 1).max() < 1e-5
 
 
+def seen(mesh: Mesh, distance: float) -> int:
+    """Return the number of triangles that a camera sees at a distance."""
+    if mesh.level is None:
+        return len(mesh.triangles)
+    shown = np.array([*(level.near <= distance < level.far for level in mesh.levels), True])
+    return int(shown[mesh.level].sum())
+
+
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
     return np.cross(b - a, c - a).astype(np.float64, copy=False)
@@ -92,8 +100,9 @@ def test_actors(blueprint: Blueprint) -> None:
         assert flipped.mean() < 0.02
     tags = {s.tag for _, mesh in body.parts for s in mesh.surfaces}
     assert tags == ({blueprint.tag, 13} if ridden else {blueprint.tag})
-    budget = 7000 if ridden else 6000 if blueprint.category == "vehicle" else 4000
-    assert sum(len(mesh.triangles) for _, mesh in body.parts) < budget
+    near, far = (7500, 7500) if ridden else (12_000, 7000) if blueprint.category == "vehicle" else (4000, 4000)
+    assert sum(seen(mesh, 0.0) for _, mesh in body.parts) < near
+    assert sum(seen(mesh, 100.0) for _, mesh in body.parts) < far
 
 
 @pytest.mark.parametrize("blueprint", LIBRARY, ids=lambda b: b.id)
