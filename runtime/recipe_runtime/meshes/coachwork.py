@@ -144,7 +144,7 @@ class Shell:
             keen |= {self.x(u) - wide, self.x(u) + wide}
         for axle in self.axles:
             if axle + self.arch > self.x(style.start):
-                places = (0.34, 0.87, 1.0) if self._coarse else (0.0, 0.34, 0.64, 0.87, 0.97, 1.0)
+                places = (0.34, 0.87, 1.0, 1.014) if self._coarse else (0.0, 0.34, 0.64, 0.87, 0.97, 1.0, 1.014)
                 keen |= {axle + sign * self.arch * k for k in places for sign in (-1.0, 1.0)}
         for t in (0.0, 0.34, 1.0) if self._coarse else (0.0, 0.12, 0.34, 0.64, 1.0):
             keen |= {self.x(1.0) - _NOSE * t, self.x(style.start) + _NOSE * t}

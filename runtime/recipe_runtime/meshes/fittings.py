@@ -56,9 +56,9 @@ def rails(b: Builder, f: Finish, shell: Shell) -> None:
     """Add rails along the roof."""
     first, last = shell.x(shell.style.windows[0]) + 0.15, shell.x(shell.style.screens[1]) + 0.02
     for s in (1.0, -1.0):
-        y = 0.80 * shell.style.roof_width * shell.half
+        y = 0.93 * shell.style.roof_width * shell.half
         path = [(first + (last - first) * k / 6, s * y) for k in range(7)]
-        rail = [(x, y, shell.top(x, y) + (0.025 if 0 < k < 6 else 0.0)) for k, (x, y) in enumerate(path)]
+        rail = [(x, y, shell.top(x, y) + (0.022 if 0 < k < 6 else 0.0)) for k, (x, y) in enumerate(path)]
         tube(b, f.rim, rail, 0.012, 6)
 
 
