@@ -138,7 +138,7 @@ class Shell:
     def _stations(self) -> list[float]:
         style = self.style
         marks = {u for curve in (style.belt, style.roof, style.plan) for u, _ in curve if u >= style.start}
-        marks |= {style.start, 1.0, *style.screens, *style.windows}
+        marks |= {style.start, 1.0, *style.screens, *style.windows, *style.door}
         keen = {self.x(u) for u in marks}
         for u, wide in ((p, 0.035) for p in style.pillars):
             keen |= {self.x(u) - wide, self.x(u) + wide}
@@ -285,7 +285,7 @@ class Shell:
         if u < style.bed:
             left[_LOW + 1 :] = [None] * (len(left) - _LOW - 1)
         right = list(left)
-        for u0, u1 in pairwise(style.door):
+        for u0, u1 in zip(style.door[::2], style.door[1::2], strict=True):
             if u0 < u < u1:
                 right[1:_LOW] = [f.trim if pillar else f.glass] * (_LOW - 1)
         return [*left, *right[::-1]]

@@ -137,7 +137,7 @@ _LINES = ("CENTRE", "MARKET", "STATION")
 
 def _destination(b: Builder, f: Finish, shell: Shell) -> None:
     """Add a bus' destination display above its windscreen."""
-    x, w = shell.length / 2, 0.6 * shell.half
+    x, w = shell.length / 2 - 0.02, 0.5 * shell.half
     z, tall = 0.91 * shell.height, 0.16
     b.box(f.trim, (x - 0.3, -w, z - 0.12), (x + 0.055, w, z + 0.12))
     amber = Surface("display", Pattern.LETTER, f.plate.tag)
