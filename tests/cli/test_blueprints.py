@@ -28,7 +28,7 @@ def test_the_table_has_a_row_for_each_blueprint() -> None:
     assert lines[0].split() == ["blueprint", "kind", "size,", "m", "tag", "m/s", "dashcam", "colours"]
     assert [line.split()[0] for line in lines[1:]] == [blueprint.id for blueprint in LIBRARY]
     (bus,) = run("vehicle.bus.city").stdout.splitlines()[1:]
-    assert bus.startswith("vehicle.bus.city  bus   8.30 x 2.35 x 2.95  16 Bus  7    x: 4.3, z: 1.9  glass, headlight")
+    assert bus.startswith("vehicle.bus.city  bus   8.30 x 2.35 x 2.95  16 Bus  7    x: 4.3, z: 1.9  brakelight, disc, ")
 
 
 def test_json_has_the_fields_of_each_blueprint() -> None:

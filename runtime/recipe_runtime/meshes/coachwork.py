@@ -54,7 +54,8 @@ class Style:
     stern: tuple[float, float] = (0.10, 0.05)  # the same of the rear
     rows: int = 2  # of seats
     livery: bool = False  # whether the doors have a band in another colour
-    rails: bool = False
+    rails: bool = False  # on the roof
+    strip: bool = False  # whether a plastic strip protects the flanks
     fill: float = 0.2  # largest distance between cross-sections, metres
 
 
@@ -262,6 +263,7 @@ class Shell:
         ends = (1.0 - u if u > 0.5 else u) * self.length
         cabin = style.roof[0][0] < u < style.roof[-1][0]
         arch = any(abs(self.x(u) - a) < self.arch for a in self.axles)
+        flat = min(abs(self.x(u) - a) for a in self.axles) > 1.03 * self.arch and 0.1 < ends
         pillar = any(abs(u - p) * self.length < 0.035 for p in style.pillars)
         lamp, band, deep = (f.headlight, style.lamps, 0.34) if u > 0.5 else (f.taillight, style.tail, 0.2)
         free = self.length / 2 - (self.axles[1] if u > 0.5 else -self.axles[0]) - self.arch
@@ -276,7 +278,8 @@ class Shell:
             else:
                 livery = style.livery and 0.28 < middle < 0.77 and style.seams[0] < u < style.seams[-1]
                 body = Surface("livery", Pattern.CAR_PAINT, f.paint.tag) if livery else f.paint
-                left.append(f.trim if style.clad and (f1 < 0.3) else body)
+                strip = style.strip and 0.28 < middle < 0.45 and flat
+                left.append(f.trim if strip or (style.clad and f1 < 0.3) else body)
         window = cabin and style.windows[0] < u < style.windows[1]
         side = f.trim if pillar else f.glass
         screen = cabin and not style.screens[0] < u < style.screens[1]

@@ -19,7 +19,8 @@ _VEHICLES = {
     "vehicle.van.cargo": "ford.ambulance mercedes.sprinter",
     "vehicle.bus.*": "mitsubishi.fusorosa",
     "vehicle.truck.*": "carlamotors.carlacola carlamotors.european_hgv carlamotors.firetruck",
-    "vehicle.motorcycle.*": "harley-davidson.low_rider kawasaki.ninja vespa.zx125 yamaha.yzf",
+    "vehicle.motorcycle.*": "harley-davidson.low_rider kawasaki.ninja yamaha.yzf",
+    "vehicle.scooter.*": "vespa.zx125",
     "vehicle.bicycle.*": "bh.crossbike diamondback.century gazelle.omafiets",
 }
 _CLOSEST = {f"vehicle.{name}": glob for glob, names in _VEHICLES.items() for name in names.split()}

@@ -24,7 +24,7 @@ def actor_surfaces(actor: ActorPlan) -> Iterator[Surface]:
         yield from _person(actor.name, shape, shape["height"])
     elif "rider" in shape:
         x, y, z = 0.75 * shape["length"] / 2, shape["width"] / 2, 0.8 * shape["height"]
-        fork = sides("fork", (-0.4, -0.3, -0.5), (0.5, 0.3, 0.3), _ROUND, "fork ")
+        fork = sides("fork", (-0.4, -0.3, -0.5), (0.5, 0.3, 0.5), _ROUND, "fork ")
         body = sides("chassis", (-x, -y, 0.0), (x, y, z), (*_ROUND, "top"))
         yield texture_map("body", actor.name, _PAINT, [body, fork])
         yield from _person(actor.name, shape, shape["rider"])
