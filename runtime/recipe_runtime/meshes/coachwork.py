@@ -263,7 +263,7 @@ class Shell:
         ends = (1.0 - u if u > 0.5 else u) * self.length
         cabin = style.roof[0][0] < u < style.roof[-1][0]
         arch = any(abs(self.x(u) - a) < self.arch for a in self.axles)
-        flat = min(abs(self.x(u) - a) for a in self.axles) > 1.03 * self.arch and 0.1 < ends
+        flat = min(abs(self.x(u) - a) for a in self.axles) > 1.03 * self.arch and ends > 0.1
         pillar = any(abs(u - p) * self.length < 0.035 for p in style.pillars)
         lamp, band, deep = (f.headlight, style.lamps, 0.34) if u > 0.5 else (f.taillight, style.tail, 0.2)
         free = self.length / 2 - (self.axles[1] if u > 0.5 else -self.axles[0]) - self.arch

@@ -18,9 +18,9 @@ def scooter_body(f: Finish, k: Bike) -> Mesh:
     floor = r - 0.03
     b.box(f.trim, (-0.16, -0.19, floor), (sx - 0.04, 0.19, floor + 0.035))
     b.box(f.paint, (-0.18, -0.2, floor - 0.06), (sx - 0.05, 0.2, floor))
-    middle = (hx - half) / 2 - 0.08
-    body = [(floor - 0.05, 0.22, 0.10, 0.08), (floor + 0.06, 0.36, 0.17, 0.0), (floor + 0.2, 0.40, 0.19, -0.02),
-            (seat - 0.06, 0.40, 0.16, -0.03), (seat - 0.03, 0.38, 0.13, -0.03)]  # fmt: skip
+    middle = (hx - half) / 2 - 0.02
+    body = [(floor - 0.05, 0.22, 0.10, 0.08), (floor + 0.06, 0.33, 0.17, 0.0), (floor + 0.2, 0.36, 0.19, -0.01),
+            (seat - 0.06, 0.36, 0.16, -0.01), (seat - 0.03, 0.35, 0.13, -0.01)]  # fmt: skip
     loft(b, f.paint, [(z, rx, ry, middle + x) for z, rx, ry, x in body], square=0.15, sides=20, domes=0)
     bench = [(seat - 0.04, 0.34, 0.12, 0.02), (seat + 0.01, 0.37, 0.15, 0.02), (seat + 0.035, 0.33, 0.12, 0.0)]
     loft(b, f.trim, [(z, rx, ry, middle + x) for z, rx, ry, x in bench], sides=18)
@@ -34,7 +34,7 @@ def scooter_body(f: Finish, k: Bike) -> Mesh:
     tube(b, f.rim, [(-half + 0.1, 0.12, r + 0.02), (-half, 0.10, r)], 0.04, 8)
     pipe = [(-0.12, -0.17, r - 0.08), (-half + 0.1, -0.19, r - 0.06), (-half - 0.18, -0.19, r)]
     tube(b, f.rim, pipe, (0.03, 0.055, 0.05))
-    end = middle - 0.37
+    end = middle - 0.33
     rear_lamps(b, f, end, seat - 0.1)
     x, z = end - 0.04, seat - 0.34
     b.quads(f.plate, [[(x, 0.1, z), (x, -0.1, z), (x + 0.03, -0.1, z + 0.16), (x + 0.03, 0.1, z + 0.16)]])
