@@ -56,7 +56,7 @@ def scooter_fork(f: Finish, k: Bike) -> Mesh:
         loft(b, f.trim, [(mz, rx, ry, x + 0.06) for mz, rx, ry, _ in mirror], y=s * 0.95 * y)
     bar = [(x, y, z), (x + 0.07, 0.6 * y, z + 0.015), (-0.1, 0.3 * y, z - 0.01), (-0.1, 0, z - 0.02)]
     tube(b, f.trim, [*bar, *[(px, -py, pz) for px, py, pz in bar[-2::-1]]], 0.016, 6)
-    cover = [(z - 0.16, 0.09, 0.08, 0.0), (z - 0.06, 0.12, 0.15, -0.02), (z + 0.02, 0.09, 0.16, -0.04)]
+    cover = [(z - 0.16, 0.09, 0.08, 0.0), (z - 0.06, 0.12, 0.15, -0.02), (z - 0.01, 0.09, 0.16, -0.04)]
     loft(b, f.paint, [(cz, rx, ry, x + 0.10 + cx) for cz, rx, ry, cx in cover], sides=16)
     lamp(b, f, (x + 0.2, 0.0, z - 0.08), 0.08, 6000.0)
     guard(b, f.paint, (ahead, down), k.wheel + 0.03, 0.09, -60.0, 75.0)
