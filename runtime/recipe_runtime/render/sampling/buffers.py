@@ -29,7 +29,7 @@ class SampleColumns:
 
     keys: DeviceArray  # uint64, visibility key
     pixels: DeviceArray  # int32, index of the pixel
-    places: DeviceArray  # int32, quarter of the pixel, or 4 for the centre
+    places: DeviceArray  # int32, row of the pixel's sample, or ROWS for the centre
     weights: DeviceArray  # float32, share of the pixel
     tiles: DeviceArray  # int32
     surfaces: DeviceArray  # int32, -1 for the sky
