@@ -5,7 +5,8 @@ from __future__ import annotations
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.launch import fields_of
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.sampling.sample_kernels import Samples, SceneArrays
+from recipe_runtime.render.sampling.coverage_kernels import SceneArrays
+from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.geometry import Geometry
 
 _KINDS = {
