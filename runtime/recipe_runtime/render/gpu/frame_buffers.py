@@ -33,7 +33,7 @@ class FrameBuffers:
         self.vertices, self.world_vertices = zeros(g.vertex_count, wp.vec3f), zeros(g.vertex_count, wp.vec3f)
         self.chunk_visible = zeros(max(g.chunk_count, 1), wp.int32)
         self.coarse = zeros(pixels, wp.uint64)
-        self.fine = zeros(pixels * 4, wp.uint64) if setup.side == 2 else self.coarse
+        self.fine = zeros(pixels * setup.rows, wp.uint64) if setup.rows > 1 else self.coarse
         self.actor_bits = zeros(pixels, wp.uint64)
         self.bins = BinBuffers(zeros(_BIN_CAPACITY, wp.uint64), zeros(1, wp.int32))
         # samples

@@ -28,6 +28,7 @@ from recipe_runtime.render.lighting import lights
 from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.patches.patch_arrays import no_patches, patch_shapes, patch_structs, texture_of
 from recipe_runtime.render.raster.observer import all_tiles
+from recipe_runtime.render.raster.triangles import ROWS
 from recipe_runtime.render.sampling import sample_kernels
 from recipe_runtime.render.scene.camera import view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
@@ -76,13 +77,13 @@ class FrameStream:
         smooth = {look.response.antialias for look in looks} or {False}
         if len(smooth) != 1:
             raise ValueError("the appearances of a stream must all be antialiased, or none")
-        side = 2 if smooth.pop() else 1
+        rows = int(ROWS) if smooth.pop() else 1
         pixels = camera_plan.width * camera_plan.height
         self._setup = StreamSetup(
             geometry,
             device,
             camera_plan,
-            side,
+            rows,
             suns,
             looks,
             [patch_shapes(geometry, plan.patches, device) for plan in patched],
@@ -90,7 +91,7 @@ class FrameStream:
             tiles=wp.array(all_tiles(camera_plan), dtype=wp.int32, device=device),
             no_shadows=struct_array([shadows.none()] * 4, device),
             layout=frame_layout(geometry, len(suns), len(looks)),
-            capacity=pixels + (int(_EDGE_SAMPLES * pixels) if side == 2 else 0),
+            capacity=pixels + (int(_EDGE_SAMPLES * pixels) if rows > 1 else 0),
         )
         self._burning = any(look.light.lamps_burn for look in looks)
         self._lamp_shadows = LampShadowMaps(geometry, device)

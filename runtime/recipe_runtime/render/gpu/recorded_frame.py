@@ -219,27 +219,27 @@ class RecordedFrame:
             numbers = self._r[f"patches {k}"]
             draw_patch_numbers(keys, camera, self._scene, samples, patches, numbers, self.device)
 
-    def _raster(self, keys: DeviceArray, side: int, first_chunk: int = 0, first_actor: int = -1) -> None:
-        g, n, pinhole = self.setup.g, self._buffers, pinhole_of(self.setup.camera, side)
+    def _raster(self, keys: DeviceArray, rows: int, first_chunk: int = 0, first_actor: int = -1) -> None:
+        g, n, pinhole = self.setup.g, self._buffers, pinhole_of(self.setup.camera, rows)
         raster_passes.raster_binned(
             g, n.vertices, n.chunk_visible, first_chunk, first_actor, pinhole, n.bins, keys, self.device
         )
 
     def _sample(self) -> None:
         n, scene, cursor, device = self._buffers, self._scene, self._r["cursor"], self.device
-        tiles, camera, side, capacity = self.setup.tiles, self.setup.camera, self.setup.side, self.capacity
-        if side == 2:
-            self._raster(n.fine, 2)
+        tiles, camera, rows, capacity = self.setup.tiles, self.setup.camera, self.setup.rows, self.capacity
+        if rows > 1:
+            self._raster(n.fine, rows)
         sample_passes.count_samples(
-            tiles, n.coarse, n.fine, camera, side, scene, self._no_static, n.groups, n.starts, n.counts, device
+            tiles, n.coarse, n.fine, camera, rows, scene, self._no_static, n.groups, n.starts, n.counts, device
         )
         sample_passes.assign_slots(
-            tiles, camera, side, capacity, n.counts, n.wanted, n.stretches, cursor, n.firsts, device
+            tiles, camera, rows, capacity, n.counts, n.wanted, n.stretches, cursor, n.firsts, device
         )
         n.columns.pixels.fill_(-1)
         n.columns.tiles.fill_(-1)
         sample_passes.emit_samples(
-            tiles, n.coarse, n.fine, n.counts, n.firsts, camera, side, scene, n.groups, n.starts, n.columns, device
+            tiles, n.coarse, n.fine, n.counts, n.firsts, camera, rows, scene, n.groups, n.starts, n.columns, device
         )
         sample_passes.evaluate_samples(0, capacity, camera, scene, n.columns, device)
 

@@ -48,7 +48,7 @@ class StreamSetup:
     g: Geometry
     device: str
     camera: CameraPlan
-    side: int  # samples along a pixel's side
+    rows: int  # of samples in a pixel: ROWS with antialiasing and 1 without
     suns: list[NDArray[np.float64]]
     appearances: list[ShadedAppearance]
     patched: list[DeviceArray]  # one-element arrays of PatchArrays, whose patches are numbered in each frame

@@ -12,7 +12,8 @@ from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, rotate
 from recipe_runtime.render.raster.label_kernels import depth_of, triangle_of
-from recipe_runtime.render.sampling.sample_kernels import CENTRE, Samples, SceneArrays, point_seen, ray_of
+from recipe_runtime.render.sampling.coverage_kernels import CENTRE, SceneArrays
+from recipe_runtime.render.sampling.sample_kernels import Samples, point_seen, ray_of
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.texture.images import bounded, order_steps, second_step
 

@@ -11,15 +11,17 @@ are combined by maximum and bits by union, so the order does not matter: the res
 
 from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.raster.triangles import (
+    NEARNESS,
     Piece,
     actor_bit,
     clipped_piece,
     edge_function,
     sample_box,
+    sample_place,
     top_left_bias,
     visible_triangle,
 )
-from recipe_runtime.render.raster.visibility_kernels import depth_test, fill_triangle
+from recipe_runtime.render.raster.visibility_kernels import depth_test, fill_triangle, nearness_slopes
 from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
@@ -80,12 +82,9 @@ def fill_bin(
     b = piece.b
     c = piece.c
     left, top, right, bottom = sample_box(pinhole, a, b, c)
-    step = wp.int64(256) / wp.int64(pinhole.side)
-    half = step / wp.int64(2)
-    inverse = wp.float64(1.0) / wp.float64(edge_function(a.x, a.y, b.x, b.y, c.x, c.y))
-    slope1 = (b.q - a.q) * inverse
-    slope2 = (c.q - a.q) * inverse
-    limit = pinhole.near / pinhole.far
+    slope1, slope2 = nearness_slopes(a, b, c, edge_function(a.x, a.y, b.x, b.y, c.x, c.y))
+    rise = wp.float64((c.y - a.y) << wp.int64(8)) * slope1 + wp.float64((a.y - b.y) << wp.int64(8)) * slope2
+    limit = NEARNESS * pinhole.near / pinhole.far
     bias0 = top_left_bias(b.x, b.y, c.x, c.y)
     bias1 = top_left_bias(c.x, c.y, a.x, a.y)
     bias2 = top_left_bias(a.x, a.y, b.x, b.y)
@@ -94,23 +93,27 @@ def fill_bin(
     across = wp.int32(BIN_THREADS)
     while across > 4 and across >= wide * 2:
         across = across / 2
-    px = (left + wp.int64(first % across)) * step + half
+    skipped = wp.int64(first % across) << wp.int64(8)  # 1/256 pixels from the left of the box to the thread's column
     y0 = int(top) + band * BIN_ROWS
     y1 = wp.min(y0 + BIN_ROWS - 1, int(bottom))
-    stride = wp.int64(across) * step
+    stride = wp.int64(across) << wp.int64(8)
     dx0 = -(c.y - b.y) * stride
     dx1 = -(a.y - c.y) * stride
     dx2 = -(b.y - a.y) * stride
     for y in range(y0 + first / across, y1 + 1, BIN_THREADS / across):
-        py = wp.int64(y) * step + half
+        offset, py = sample_place(pinhole.rows, y)
+        px = (left << wp.int64(8)) + offset
         w0 = edge_function(b.x, b.y, c.x, c.y, px, py)
         w1 = edge_function(c.x, c.y, a.x, a.y, px, py)
         w2 = edge_function(a.x, a.y, b.x, b.y, px, py)
-        base = y * pinhole.width * pinhole.side
+        q = NEARNESS * a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
+        w0 = w0 - (c.y - b.y) * skipped
+        w1 = w1 - (a.y - c.y) * skipped
+        w2 = w2 - (b.y - a.y) * skipped
+        base = y * pinhole.width
         for x in range(int(left) + first % across, int(right) + 1, across):
             if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
-                q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                depth_test(keys, base + x, q, limit, triangle, bit)
+                depth_test(keys, base + x, q + wp.float64(x - int(left)) * rise, limit, triangle, bit)
             w0 = w0 + dx0
             w1 = w1 + dx1
             w2 = w2 + dx2

@@ -101,7 +101,7 @@ class Observer:
             # Lens distortion bends edges beyond the box of their ends, so this shortcut is valid for pinholes only.
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
-            straight = self.visibility(undistorted_camera(camera), vertices, chunks, side=1)
+            straight = self.visibility(undistorted_camera(camera), vertices, chunks, rows=1)
             keys, labels = apply_distortion(straight, camera, self._device), Labels.empty(camera, self._device)
         else:
             keys, labels = wp.clone(still.keys), still.labels.clone()
@@ -132,22 +132,34 @@ class Observer:
         return made
 
     def visibility(
-        self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, *, side: int, still: bool = False
+        self,
+        camera: CameraPlan,
+        vertices: DeviceArray,
+        seen: DeviceArray,
+        *,
+        rows: int,
+        still: bool = False,
+        out: DeviceArray | None = None,
     ) -> DeviceArray:
-        """Return visibility keys, side x side samples per pixel, row by row; of the static scene only if `still`."""
-        with self._timings(f"visibility x{side}"):
-            keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
+        """Return visibility keys, `rows` samples per pixel, row by row; of the static scene only if `still`."""
+        with self._timings(f"visibility x{rows}"):
+            size = camera.width * camera.height * rows
+            if out is not None and out.size == size:
+                keys = out
+                keys.zero_()
+            else:
+                keys = wp.zeros(size, dtype=wp.uint64, device=self._device)
             count = self._g.static_chunks if still else self._g.chunk_count
-            self._raster(camera, vertices, seen, range(count), side, keys)
+            self._raster(camera, vertices, seen, range(count), rows, keys)
             return keys
 
     def draw_moving(
-        self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, side: int, keys: DeviceArray
+        self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, rows: int, keys: DeviceArray
     ) -> None:
         """Rasterise the moving parts into keys of the static scene."""
-        with self._timings(f"visibility x{side}"):
+        with self._timings(f"visibility x{rows}"):
             moving = range(self._g.static_chunks, self._g.chunk_count)
-            self._raster(camera, vertices, seen, moving, side, keys)
+            self._raster(camera, vertices, seen, moving, rows, keys)
 
     def _raster(
         self,
@@ -155,7 +167,7 @@ class Observer:
         vertices: DeviceArray,
         seen: DeviceArray,
         chunks: range,
-        side: int,
+        rows: int,
         keys: DeviceArray,
     ) -> None:
         """Rasterise a range of chunks into the keys."""
@@ -167,7 +179,7 @@ class Observer:
             vertices=vertices,
             chunk_visible=seen,
             first_chunk=chunks.start,
-            pinhole=pinhole_of(camera, side),
+            pinhole=pinhole_of(camera, rows),
             out_keys=keys,
         )
 
@@ -183,7 +195,7 @@ class Observer:
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
             chunks, labels = self._chunks(camera, focal, matrices), Labels.empty(camera, self._device)
             vertices = self._transform(matrices, chunks, None)
-            keys = self.visibility(camera, vertices, chunks, side=1, still=True)
+            keys = self.visibility(camera, vertices, chunks, rows=1, still=True)
             with self._timings("label"):
                 self._label(camera, keys, all_tiles(camera), labels)
             still = _StaticView(vertices, keys, labels)

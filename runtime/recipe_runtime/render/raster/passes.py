@@ -1,7 +1,7 @@
 """The passes from vertices to labels that Observer and RecordedFrame both run, and `raster_binned` of the latter.
 
 Arguments: `g` is the geometry of the scene, `transforms` float32 [1 + P, 12] lead from the world and each moving part
-to view space, `tiles` int32 [N] are encoded as `label_kernels.pixel_at` reads them, `keys` uint64 [H * W * side^2] are
+to view space, `tiles` int32 [N] are encoded as `label_kernels.pixel_at` reads them, `keys` uint64 [H * rows * W] are
 the visibility keys of the samples. Outputs come last.
 """
 

@@ -11,6 +11,9 @@ wp.set_module_options(OPTIONS)
 NEARNESS = wp.constant(wp.float64(1099511627775.0))  # 2^40 - 1
 IN_VIEW = wp.constant(1)  # of a chunk that may be in the view
 OTHER_LEVEL = wp.constant(-1)  # of a chunk of another version of an object than the one that the picture shows
+ROWS = wp.constant(4)  # of samples in a pixel for antialiasing, besides its centre
+ROW_PLACES = wp.constant(wp.uint32(0xE6B34D1A))  # of a pixel's rows from its top, 1/256 pixels; a byte each
+COLUMN_PLACES = wp.constant(wp.uint32(0xB31AE64D))  # of each row's sample from the pixel's left, likewise
 GUARD_BAND = wp.constant(wp.float64(536870912.0))  # 2^29: corners beyond this many 1/256 pixels would overflow
 
 
@@ -161,20 +164,47 @@ def actor_bit(
 
 
 @wp.func
+def place_in_pixel(places: wp.uint32, row: wp.int32) -> wp.int32:
+    """Return an entry of ROW_PLACES or COLUMN_PLACES, in 1/256 pixels."""
+    return wp.int32((places >> wp.uint32((row & (ROWS - 1)) * 8)) & wp.uint32(255))
+
+
+@wp.func
+def sample_place(rows: wp.int32, row: wp.int32):
+    """Return how far a row's samples are from the left edges of their pixels, and the row's y, in 1/256 pixels.
+
+    With its centre, a pixel has five samples, which lie in five rows and five columns: a line of a grid that is turned.
+    An edge near an axis passes them one by one, so its coverage has six levels.
+    """
+    if rows == 1:
+        return wp.int64(128), (wp.int64(row) << wp.int64(8)) + wp.int64(128)
+    y = (row / ROWS) * 256 + place_in_pixel(ROW_PLACES, row)
+    return wp.int64(place_in_pixel(COLUMN_PLACES, row)), wp.int64(y)
+
+
+@wp.func
+def first_row(rows: wp.int32, y: wp.int64) -> wp.int64:
+    """Return the first row of samples at or below y, in 1/256 pixels."""
+    if rows == 1:
+        return (y + wp.int64(127)) >> wp.int64(8)
+    rest = wp.int32(y & wp.int64(255))
+    above = wp.int32(0)  # rows of y's pixel above it
+    for row in range(ROWS):
+        if place_in_pixel(ROW_PLACES, row) < rest:
+            above = above + 1
+    return wp.int64(wp.int32(y >> wp.int64(8)) * ROWS + above)
+
+
+@wp.func
 def sample_box(pinhole: Pinhole, a: Corner, b: Corner, c: Corner):
-    """Return the columns and rows of the samples in a triangle's box: left, top, right, bottom, ends included."""
-    step = wp.int64(256) / wp.int64(pinhole.side)
-    half = step / wp.int64(2)
-    shift = wp.int64(8)
-    if pinhole.side == 2:
-        shift = wp.int64(7)
-    up = step - wp.int64(1) - half
-    left = wp.max((wp.min(a.x, wp.min(b.x, c.x)) + up) >> shift, wp.int64(0))
-    top = wp.max((wp.min(a.y, wp.min(b.y, c.y)) + up) >> shift, wp.int64(0))
-    right = wp.min(
-        (wp.max(a.x, wp.max(b.x, c.x)) - half) >> shift, wp.int64(pinhole.width * pinhole.side) - wp.int64(1)
-    )
-    bottom = wp.min(
-        (wp.max(a.y, wp.max(b.y, c.y)) - half) >> shift, wp.int64(pinhole.height * pinhole.side) - wp.int64(1)
-    )
-    return left, top, right, bottom
+    """Return the columns of pixels and rows of samples in a triangle's box: left, top, right, bottom, ends included."""
+    first = wp.int64(128)  # places of the leftmost and of the rightmost sample of a pixel
+    last = wp.int64(128)
+    if pinhole.rows == ROWS:
+        first = wp.int64(26)
+        last = wp.int64(230)
+    left = wp.max((wp.min(a.x, wp.min(b.x, c.x)) + wp.int64(255) - last) >> wp.int64(8), wp.int64(0))
+    right = wp.min((wp.max(a.x, wp.max(b.x, c.x)) - first) >> wp.int64(8), wp.int64(pinhole.width) - wp.int64(1))
+    top = wp.max(first_row(pinhole.rows, wp.min(a.y, wp.min(b.y, c.y))), wp.int64(0))
+    bottom = first_row(pinhole.rows, wp.max(a.y, wp.max(b.y, c.y)) + wp.int64(1)) - wp.int64(1)
+    return left, top, right, wp.min(bottom, wp.int64(pinhole.height * pinhole.rows) - wp.int64(1))

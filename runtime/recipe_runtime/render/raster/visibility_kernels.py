@@ -22,6 +22,7 @@ from recipe_runtime.render.raster.triangles import (
     clipped_piece,
     edge_function,
     sample_box,
+    sample_place,
     top_left_bias,
     visible_triangle,
 )
@@ -30,9 +31,7 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-SPAN_THRESHOLD = wp.constant(
-    wp.int64(12)
-)  # samples per row from which solving for the span is faster than testing each
+SPAN_THRESHOLD = wp.constant(wp.int64(6))  # samples per row from which solving for the span is faster than testing each
 
 
 @wp.kernel
@@ -164,19 +163,25 @@ def last_column(
 def depth_test(
     keys: wp.array[wp.uint64], at: wp.int32, q: wp.float64, limit: wp.float64, triangle: wp.uint64, bit: wp.uint64
 ):
-    """Combine a triangle at nearness q with a sample's key, unless it is beyond the far limit."""
+    """Combine a triangle at nearness q, in units of 1 / NEARNESS, with a sample's key unless it is beyond the limit."""
     if bit != wp.uint64(0):
         wp.atomic_or(keys, at, bit)
     elif q > limit:
-        nearness = wp.uint64(wp.int64(wp.min(q, wp.float64(1.0)) * NEARNESS))
+        nearness = wp.uint64(wp.int64(wp.min(q, NEARNESS)))
         wp.atomic_max(keys, at, (nearness << wp.uint64(24)) | triangle)
 
 
 @wp.func
-def edge_steps(a: Corner, b: Corner, px: wp.int64, py: wp.int64, step: wp.int64):
-    """Return an edge's function at a point, its increments per column and per row, and the edge's bias."""
-    value = edge_function(a.x, a.y, b.x, b.y, px, py)
-    return value, -(b.y - a.y) * step, (b.x - a.x) * step, top_left_bias(a.x, a.y, b.x, b.y)
+def edge_steps(a: Corner, b: Corner):
+    """Return the increments of an edge's function per column, and the edge's bias."""
+    return (a.y - b.y) << wp.int64(8), top_left_bias(a.x, a.y, b.x, b.y)
+
+
+@wp.func
+def nearness_slopes(a: Corner, b: Corner, c: Corner, area: wp.int64):
+    """Return the nearness that a triangle's second and third weight add per unit, in units of 1 / NEARNESS."""
+    inverse = NEARNESS / wp.float64(area)
+    return (b.q - a.q) * inverse, (c.q - a.q) * inverse
 
 
 @wp.func
@@ -184,26 +189,19 @@ def fill_span(
     keys: wp.array[wp.uint64],
     first: wp.int32,
     last: wp.int32,
-    weight1: wp.int64,
-    weight2: wp.int64,
-    dx1: wp.int64,
-    dx2: wp.int64,
+    column: wp.float64,
     q0: wp.float64,
-    slope1: wp.float64,
-    slope2: wp.float64,
+    step: wp.float64,
     limit: wp.float64,
     triangle: wp.uint64,
     bit: wp.uint64,
 ):
-    """Depth-test a triangle at the samples first..last, all inside it; q0 is the nearness of its first corner."""
+    """Depth-test a triangle at the samples first..last, all inside it; their nearness is q0 + column step."""
     at = first
-    w1 = weight1
-    w2 = weight2
+    k = column
     while at <= last:
-        q = q0 + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-        depth_test(keys, at, q, limit, triangle, bit)
-        w1 = w1 + dx1
-        w2 = w2 + dx2
+        depth_test(keys, at, q0 + k * step, limit, triangle, bit)
+        k = k + wp.float64(1.0)
         at = nonnegative(at + 1)
 
 
@@ -221,53 +219,49 @@ def fill_triangle(
     area = edge_function(a.x, a.y, b.x, b.y, c.x, c.y)
     if area <= wp.int64(0):
         return
-    step = wp.int64(256) / wp.int64(pinhole.side)
-    half = step / wp.int64(2)
-    columns = wp.int64(pinhole.width * pinhole.side)
     left, top, right, bottom = sample_box(pinhole, a, b, c)
     if left > right or top > bottom:
         return
-    px = left * step + half
-    py = top * step + half
-    row0, dx0, dy0, bias0 = edge_steps(b, c, px, py, step)
-    row1, dx1, dy1, bias1 = edge_steps(c, a, px, py, step)
-    row2, dx2, dy2, bias2 = edge_steps(a, b, px, py, step)
-    inverse = wp.float64(1.0) / wp.float64(area)
-    # Nearness is linear on the screen: q = a.q + w1 slope1 + w2 slope2, from the integer weights themselves.
-    slope1 = (b.q - a.q) * inverse
-    slope2 = (c.q - a.q) * inverse
-    limit = pinhole.near / pinhole.far
+    dx0, bias0 = edge_steps(b, c)
+    dx1, bias1 = edge_steps(c, a)
+    dx2, bias2 = edge_steps(a, b)
+    # Nearness is linear on the screen: at the left of a row it follows from the integer weights, then from the column.
+    slope1, slope2 = nearness_slopes(a, b, c, area)
+    across = wp.float64(dx1) * slope1 + wp.float64(dx2) * slope2
+    limit = NEARNESS * pinhole.near / pinhole.far
     span = right - left
     for y in range(int(top), int(bottom) + 1):
+        offset, py = sample_place(pinhole.rows, y)
+        px = (left << wp.int64(8)) + offset
+        w0 = edge_function(b.x, b.y, c.x, c.y, px, py)
+        w1 = edge_function(c.x, c.y, a.x, a.y, px, py)
+        w2 = edge_function(a.x, a.y, b.x, b.y, px, py)
+        q = NEARNESS * a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
         k0 = wp.int64(0)
         k1 = span
         if span > SPAN_THRESHOLD:
-            k0 = first_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
-            k1 = last_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
-        w0 = row0 + k0 * dx0
-        w1 = row1 + k0 * dx1
-        w2 = row2 + k0 * dx2
+            k0 = first_column(w0 + bias0, w1 + bias1, w2 + bias2, dx0, dx1, dx2, span)
+            k1 = last_column(w0 + bias0, w1 + bias1, w2 + bias2, dx0, dx1, dx2, span)
+        w0 = w0 + k0 * dx0
+        w1 = w1 + k0 * dx1
+        w2 = w2 + k0 * dx2
         if span <= SPAN_THRESHOLD:  # samples that do not belong to the triangle have values below 0
             w0 = w0 + bias0
             w1 = w1 + bias1
             w2 = w2 + bias2
-        base = y * int(columns) + int(left)
+        base = y * pinhole.width + int(left)
         at = nonnegative(base + int(k0))
         last = base + int(k1)
         if span > SPAN_THRESHOLD:  # all of these are inside
-            fill_span(keys, at, last, w1, w2, dx1, dx2, a.q, slope1, slope2, limit, triangle, bit)
+            fill_span(keys, at, last, wp.float64(k0), q, across, limit, triangle, bit)
         else:
             while at <= last:
                 if (w0 | w1 | w2) >= wp.int64(0):
-                    q = a.q + wp.float64(w1 - bias1) * slope1 + wp.float64(w2 - bias2) * slope2
-                    depth_test(keys, at, q, limit, triangle, bit)
+                    depth_test(keys, at, q + wp.float64(at - base) * across, limit, triangle, bit)
                 w0 = w0 + dx0
                 w1 = w1 + dx1
                 w2 = w2 + dx2
                 at = nonnegative(at + 1)
-        row0 = row0 + dy0
-        row1 = row1 + dy1
-        row2 = row2 + dy2
 
 
 @wp.func

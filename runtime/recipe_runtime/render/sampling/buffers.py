@@ -5,7 +5,8 @@ from __future__ import annotations
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.launch import fields_of
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.sampling.sample_kernels import Samples, SceneArrays
+from recipe_runtime.render.sampling.coverage_kernels import SceneArrays
+from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.geometry import Geometry
 
 _KINDS = {
@@ -29,7 +30,7 @@ class SampleColumns:
 
     keys: DeviceArray  # uint64, visibility key
     pixels: DeviceArray  # int32, index of the pixel
-    places: DeviceArray  # int32, quarter of the pixel, or 4 for the centre
+    places: DeviceArray  # int32, row of the pixel's sample, or ROWS for the centre
     weights: DeviceArray  # float32, share of the pixel
     tiles: DeviceArray  # int32
     surfaces: DeviceArray  # int32, -1 for the sky

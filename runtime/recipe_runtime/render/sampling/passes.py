@@ -1,8 +1,8 @@
 """The passes from keys to samples that Sampler and RecordedFrame both run, and `assign_slots` of the latter.
 
-Arguments: `tiles` int32 [N] are indices of tiles, `coarse` and `fine` are the keys of pixels and of their quarters,
-`scene` is a one-element array of `SceneArrays`; `groups` and `starts` int32 [H * W] are, by pixel, how its quarters
-group and the index of its first sample. `side` is 2 with antialiasing and 1 without. Outputs come last.
+Arguments: `tiles` int32 [N] are indices of tiles, `coarse` and `fine` are the keys of pixels and of their samples,
+`scene` is a one-element array of `SceneArrays`; `groups` and `starts` int32 [H * W] are, by pixel, how its samples
+group and the index of its first one. `rows` is ROWS with antialiasing and 1 without. Outputs come last.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def count_samples(
     coarse: DeviceArray,
     fine: DeviceArray,
     camera: CameraPlan,
-    side: int,
+    rows: int,
     scene: DeviceArray,
     static_samples: DeviceArray,
     out_groups: DeviceArray,
@@ -30,28 +30,35 @@ def count_samples(
     out_counts: DeviceArray,
     device: str,
 ) -> None:
-    """Count the new samples of each of the tiles' pixels, and group its quarters."""
+    """Count the new samples of each of the tiles' pixels, and group its coverage."""
     if tiles.size:
+        span = _pixels_per_thread(device)
         launch(
             sample_kernels.count_samples,
-            tiles.size * int(TILE_PIXELS),
+            tiles.size * int(TILE_PIXELS) // span,
             device,
             tile_corners=tiles,
             coarse=coarse,
             fine=fine,
-            pinhole=pinhole_of(camera, side),
+            pinhole=pinhole_of(camera, rows),
             scene=scene,
             static_samples=static_samples,
+            pixels_per_thread=span,
             out_groups=out_groups,
             out_starts=out_starts,
             out_counts=out_counts,
         )
 
 
+def _pixels_per_thread(device: str) -> int:
+    """Return a tile's pixels on a CPU, where starting a thread takes longer than such a pixel, and 1 on a GPU."""
+    return int(TILE_PIXELS) if device == "cpu" else 1
+
+
 def assign_slots(
     tiles: DeviceArray,
     camera: CameraPlan,
-    side: int,
+    rows: int,
     capacity: int,
     counts: DeviceArray,
     wanted: DeviceArray,
@@ -82,7 +89,7 @@ def assign_slots(
         size,
         device,
         tile_corners=tiles,
-        pinhole=pinhole_of(camera, side),
+        pinhole=pinhole_of(camera, rows),
         stretches=stretches,
         capacity=capacity,
         out_counts=counts,
@@ -97,7 +104,7 @@ def emit_samples(
     counts: DeviceArray,
     firsts: DeviceArray,
     camera: CameraPlan,
-    side: int,
+    rows: int,
     scene: DeviceArray,
     groups: DeviceArray,
     out_starts: DeviceArray,
@@ -105,18 +112,20 @@ def emit_samples(
     device: str,
 ) -> None:
     """Write key, pixel, place, weight and tile of every new sample."""
+    span = _pixels_per_thread(device)
     launch(
         sample_kernels.emit_samples,
-        tiles.size * int(TILE_PIXELS),
+        tiles.size * int(TILE_PIXELS) // span,
         device,
         tile_corners=tiles,
         coarse=coarse,
         fine=fine,
         counts=counts,
         firsts=firsts,
-        pinhole=pinhole_of(camera, side),
+        pinhole=pinhole_of(camera, rows),
         scene=scene,
         groups=groups,
+        pixels_per_thread=span,
         out_starts=out_starts,
         **fields_of(out_columns, "keys", "pixels", "places", "weights", "tiles", prefix="out_"),
     )

@@ -1,9 +1,9 @@
 """Shading samples: where a frame is shaded, and the geometry at each sample.
 
-A pixel whose four sub-samples see one smooth surface is shaded once, at its centre. At an edge, each visible surface is
-shaded once, weighted by the number of quarters that it covers. Nothing here depends on appearance, so all weathers
-share the samples. For a static camera all frames share those of the static scene: only pixels that moving objects
-change get samples of their own.
+A pixel whose five coverage samples, its centre and four others, see one smooth surface is shaded once, at its centre.
+At an edge, each visible surface is shaded once, weighted by the number of samples that it covers. Nothing here depends
+on appearance, so all weathers share the samples. For a static camera all frames share those of the static scene: only
+pixels that moving objects change get samples of their own.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -15,6 +15,8 @@ from recipe_runtime.render.numeric.scalars import maximum, nonnegative
 from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate, rotate_back
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
 from recipe_runtime.render.raster.skin_kernels import blended_normal
+from recipe_runtime.render.raster.triangles import COLUMN_PLACES, ROW_PLACES, ROWS, place_in_pixel
+from recipe_runtime.render.sampling.coverage_kernels import CENTRE, SceneArrays, group_samples, member_of
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.texture.images import order_steps, second_step, steps_between_pixels
 from recipe_runtime.render.texture.patterns import detail_of
@@ -23,49 +25,6 @@ from recipe_runtime.render.texture.vehicle import is_of_vehicle
 wp.set_module_options(OPTIONS)
 
 UNKNOWN_DEPTH = wp.constant(wp.float32(0.0))  # of a sample that has not yet been shaded when wet
-CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0 to 3 are the quarters
-
-
-@wp.struct
-class SceneArrays:
-    """The arrays of the geometry from which samples are evaluated."""
-
-    view: wp.array[wp.vec3f]
-    normals: wp.array[wp.vec3f]
-    uvs: wp.array[wp.vec2f]
-    vertex_part: wp.array[wp.int32]
-    vertex_skin: wp.array[wp.int32]
-    skin_parts: wp.array[wp.vec4i]
-    skin_weights: wp.array[wp.vec4f]
-    triangles: wp.array[wp.vec3i]
-    face_normals: wp.array[wp.vec3f]
-    triangle_surface: wp.array[wp.int32]
-    surface_pattern: wp.array[wp.int32]
-    world_from_part: wp.array2d[wp.float32]
-    world_from_view: wp.array2d[wp.float32]
-
-
-@wp.func
-def same_surface(a: wp.uint64, b: wp.uint64, scene: wp.array[SceneArrays]) -> bool:
-    """Return whether two samples see one smooth surface: same material, similar depth, similar orientation."""
-    if a == b:
-        return True
-    if a == wp.uint64(0) or b == wp.uint64(0):
-        return False
-    s = triangle_of(a)
-    t = triangle_of(b)
-    if s == t:
-        return True
-    if scene[0].triangle_surface[s] != scene[0].triangle_surface[t]:
-        return False
-    if scene[0].vertex_part[scene[0].triangles[s][0]] != scene[0].vertex_part[scene[0].triangles[t][0]]:
-        return False
-    if dot(scene[0].face_normals[s], scene[0].face_normals[t]) < 0.8:
-        return False
-    # Keys grow with nearness; within 3 % of each other counts as similar depth.
-    u = wp.float64(wp.int64(a >> wp.uint64(24)))
-    v = wp.float64(wp.int64(b >> wp.uint64(24)))
-    return u < v * wp.float64(1.03) and v < u * wp.float64(1.03)
 
 
 @wp.struct
@@ -86,68 +45,30 @@ def sees_static_only(
     fine: wp.array[wp.uint64],
     i: wp.int32,
     base: wp.int32,
-    row: wp.int32,
+    pinhole: Pinhole,
 ) -> bool:
-    """Return whether a pixel and its quarters, the first of them at `base`, see the static scene only."""
+    """Return whether a pixel's centre and its samples, the first of them at `base`, see the static scene only."""
     if coarse[i] != still[0].coarse[i]:
         return False
-    if row == 0:
-        return True
-    if fine[base] != still[0].fine[base] or fine[base + 1] != still[0].fine[base + 1]:
-        return False
-    return fine[base + row] == still[0].fine[base + row] and fine[base + row + 1] == still[0].fine[base + row + 1]
-
-
-@wp.func
-def group_quarters(
-    k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: wp.array[SceneArrays]
-) -> wp.int32:
-    """Group a pixel's quarters by surface, and return the number of groups and the grouping.
-
-    Bits 0-2 are the number of groups, bits 4 + 2q and 5 + 2q the group of quarter q.
-    """
-    t = triangle_of(k0)
-    seen = k0 != wp.uint64(0) and k1 != wp.uint64(0) and k2 != wp.uint64(0) and k3 != wp.uint64(0)
-    if seen and triangle_of(k1) == t and triangle_of(k2) == t and triangle_of(k3) == t:
-        return 1
-    n = wp.int32(1)
-    g1 = wp.int32(0)
-    g2 = wp.int32(0)
-    g3 = wp.int32(0)
-    if not same_surface(k0, k1, scene):
-        g1 = n
-        n = n + 1
-    if not same_surface(k0, k2, scene):
-        if g1 != 0 and same_surface(k1, k2, scene):
-            g2 = g1
-        else:
-            g2 = n
-            n = n + 1
-    if not same_surface(k0, k3, scene):
-        if g1 != 0 and same_surface(k1, k3, scene):
-            g3 = g1
-        elif g2 != 0 and same_surface(k2, k3, scene):
-            g3 = g2
-        else:
-            g3 = n
-            n = n + 1
-    return n | (g1 << 6) | (g2 << 8) | (g3 << 10)
+    if pinhole.rows == ROWS:
+        for row in range(ROWS):
+            if fine[base + row * pinhole.width] != still[0].fine[base + row * pinhole.width]:
+                return False
+    return True
 
 
 @wp.kernel
 def restore_keys(
     tile_corners: wp.array[wp.int32], static_keys: wp.array[wp.uint64], pinhole: Pinhole, out_fine: wp.array[wp.uint64]
 ):
-    """Reset the tiles' quarters to the static scene."""
+    """Reset the tiles' samples to the static scene."""
     x, y = pixel_at(tile_corners, wp.tid())
     if x >= pinhole.width or y >= pinhole.height:
         return
-    row = pinhole.width * 2
-    base = y * 2 * row + x * 2
-    out_fine[base] = static_keys[base]
-    out_fine[base + 1] = static_keys[base + 1]
-    out_fine[base + row] = static_keys[base + row]
-    out_fine[base + row + 1] = static_keys[base + row + 1]
+    at = y * ROWS * pinhole.width + x
+    for _row in range(ROWS):
+        out_fine[at] = static_keys[at]
+        at = at + pinhole.width
 
 
 @wp.kernel
@@ -158,35 +79,33 @@ def count_samples(
     pinhole: Pinhole,
     scene: wp.array[SceneArrays],
     static_samples: wp.array[StaticSamples],
+    pixels_per_thread: wp.int32,
     out_groups: wp.array[wp.int32],
     out_starts: wp.array[wp.int32],
     out_counts: wp.array[wp.int32],
 ):
-    """Write how many new samples each of the tiles' pixels needs, and how its quarters are grouped.
+    """Write how many new samples each of the tiles' pixels needs, and how its coverage is grouped.
 
-    A pixel that sees the static scene only needs none: it has samples already. Without antialiasing (a side of 1) a
-    pixel has one sample.
+    A pixel that sees the static scene only needs none: it has samples already. Without antialiasing (one row) a pixel
+    has one sample.
     """
-    place = wp.tid()
-    x, y = pixel_at(tile_corners, place)
-    out_counts[place] = 0
-    if x >= pinhole.width or y >= pinhole.height:
-        return
-    i = y * pinhole.width + x
-    row = wp.int32(0)
-    base = wp.int32(0)
-    if pinhole.side == 2:
-        row = pinhole.width * 2
-        base = y * 2 * row + x * 2
-    if static_samples[0].available != 0 and sees_static_only(static_samples, coarse, fine, i, base, row):
-        out_groups[i] = static_samples[0].groups[i]
-        out_starts[i] = static_samples[0].starts[i]
-        return
-    g = wp.int32(1)
-    if row != 0:
-        g = group_quarters(fine[base], fine[base + 1], fine[base + row], fine[base + row + 1], scene)
-    out_groups[i] = g
-    out_counts[place] = g & 7
+    begin = wp.tid() * pixels_per_thread
+    for place in range(begin, begin + pixels_per_thread):
+        x, y = pixel_at(tile_corners, place)
+        count = wp.int32(0)
+        if x < pinhole.width and y < pinhole.height:
+            i = nonnegative(y * pinhole.width + x)
+            base = nonnegative(y * pinhole.rows * pinhole.width + x)
+            if static_samples[0].available != 0 and sees_static_only(static_samples, coarse, fine, i, base, pinhole):
+                out_groups[i] = static_samples[0].groups[i]
+                out_starts[i] = static_samples[0].starts[i]
+            else:
+                g = wp.int32(1)
+                if pinhole.rows == ROWS:
+                    g = group_samples(coarse, i, fine, base, pinhole.width, scene)
+                out_groups[i] = g
+                count = g & 7
+        out_counts[place] = count
 
 
 @wp.kernel
@@ -199,6 +118,7 @@ def emit_samples(
     pinhole: Pinhole,
     scene: wp.array[SceneArrays],
     groups: wp.array[wp.int32],
+    pixels_per_thread: wp.int32,
     out_starts: wp.array[wp.int32],
     out_keys: wp.array[wp.uint64],
     out_pixels: wp.array[wp.int32],
@@ -206,48 +126,31 @@ def emit_samples(
     out_weights: wp.array[wp.float32],
     out_tiles: wp.array[wp.int32],
 ):
-    """Write a pixel's new samples: key, pixel, place within it, weight and tile."""
-    at = wp.tid()
-    if counts[at] == 0:
-        return
-    x, y = pixel_at(tile_corners, at)
-    i = y * pinhole.width + x
-    g = groups[i]
-    n = g & 7
-    first = firsts[at]
-    out_starts[i] = first
-    tile = (y >> 4) * ((pinhole.width + TILE - 1) >> 4) + (x >> 4)
-    if pinhole.side == 1:
-        out_tiles[first] = tile
-        out_pixels[first] = i
-        out_weights[first] = 1.0
-        out_keys[first] = coarse[i]
-        out_places[first] = CENTRE
-        return
-    row = pinhole.width * 2
-    base = y * 2 * row + x * 2
-    if n == 1:
-        out_tiles[first] = tile
-        out_pixels[first] = i
-        out_weights[first] = 1.0
-        key = fine[base]
-        spot = wp.int32(0)
-        if same_surface(key, coarse[i], scene):
-            key = coarse[i]
-            spot = CENTRE
-        out_keys[first] = key
-        out_places[first] = spot
-        return
-    for s in range(n):
-        out_tiles[first + s] = tile
-        out_weights[first + s] = 0.0
-        out_pixels[first + s] = i
-    for back in range(4):
-        quarter = 3 - back  # so that a group has the place of its first quarter
-        s = first + ((g >> (4 + 2 * quarter)) & 3)
-        out_keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
-        out_places[s] = quarter
-        out_weights[s] = out_weights[s] + 0.25
+    """Write the new samples of pixels: key, pixel, place within it, weight and tile."""
+    begin = wp.tid() * pixels_per_thread
+    for at in range(begin, begin + pixels_per_thread):
+        n = counts[at]
+        if n > 0:
+            x, y = pixel_at(tile_corners, at)
+            i = nonnegative(y * pinhole.width + x)
+            first = nonnegative(firsts[at])
+            out_starts[i] = first
+            tile = (y >> 4) * ((pinhole.width + TILE - 1) >> 4) + (x >> 4)
+            base = nonnegative(y * pinhole.rows * pinhole.width + x)
+            for s in range(n):
+                key = coarse[i]
+                spot = wp.int32(CENTRE)
+                weight = wp.float32(1.0)
+                if n > 1:
+                    spot, count = member_of(groups[i], s)
+                    weight = 0.2 * wp.float32(count)
+                    if spot != CENTRE:
+                        key = fine[base + spot * pinhole.width]
+                out_tiles[first + s] = tile
+                out_pixels[first + s] = i
+                out_keys[first + s] = key
+                out_places[first + s] = spot
+                out_weights[first + s] = weight
 
 
 @wp.func
@@ -256,8 +159,8 @@ def ray_of(pixel: wp.int32, spot: wp.int32, pinhole: Pinhole) -> wp.vec3f:
     dx = wp.float64(0.5)
     dy = wp.float64(0.5)
     if spot != CENTRE:
-        dx = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot & 1)
-        dy = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot >> 1)
+        dx = wp.float64(place_in_pixel(COLUMN_PLACES, spot)) / wp.float64(256.0)
+        dy = wp.float64(place_in_pixel(ROW_PLACES, spot)) / wp.float64(256.0)
     x = wp.float32((wp.float64(pixel % pinhole.width) + dx - pinhole.cx) / pinhole.focal)
     y = wp.float32((wp.float64(pixel / pinhole.width) + dy - pinhole.cy) / pinhole.focal)
     return wp.vec3f(x, y, 1.0)

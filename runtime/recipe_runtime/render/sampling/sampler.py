@@ -23,6 +23,7 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import label_kernels
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer, all_tiles
+from recipe_runtime.render.raster.triangles import ROWS
 from recipe_runtime.render.sampling import passes
 from recipe_runtime.render.sampling.buffers import SampleColumns, samples_of, scene_arrays
 from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples, restore_keys
@@ -52,7 +53,7 @@ class StaticBase:
     """The samples that all frames from one pose share. The arrays are modified in place for one frame at a time."""
 
     still: StaticSamples
-    fine: DeviceArray  # uint64 [4 H * W], keys of the current frame
+    fine: DeviceArray  # uint64 [ROWS * H * W], keys of the current frame
     groups: DeviceArray
     starts: DeviceArray
     columns: SampleColumns
@@ -76,6 +77,10 @@ class Sampler:
     ) -> None:
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._reuse = reuse.samples
+        # Memory of frames without a base, used again because the system takes long to provide new memory:
+        self._fine: DeviceArray | None = None
+        self._columns: SampleColumns | None = None
+        self._tenant: FrameSamples | None = None  # the frame whose samples are there
         self._samples: WeakKeyDictionary[Observation, dict[bool, FrameSamples]] = WeakKeyDictionary()
         self._bases: OrderedDict[tuple[bytes, bool], StaticBase | None] = OrderedDict()  # None: observed once
 
@@ -83,7 +88,7 @@ class Sampler:
         """Return a frame's samples; they are valid until another frame's are requested."""
         known = self._samples.setdefault(obs, {})
         found = known.get(antialias)
-        if found is None or (found.base is not None and found.base.tenant is not found):
+        if found is None or found is not (self._tenant if found.base is None else found.base.tenant):
             base = self._base(obs, antialias)
             found = known[antialias] = (
                 self._without_base(obs, antialias) if base is None else self._with_base(base, obs, antialias)
@@ -117,19 +122,25 @@ class Sampler:
         return sum(base.columns.capacity for base in self._bases.values() if base is not None)
 
     def _without_base(self, obs: Observation, antialias: bool) -> FrameSamples:
-        fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
+        fine = obs.keys
+        if antialias:
+            fine = self._fine = self._observer.visibility(
+                obs.camera, obs.vertices, obs.seen, rows=int(ROWS), out=self._fine
+            )
         scene, groups, starts = self._scene(obs), self._pixels(obs), self._pixels(obs)
         columns, count = self._emit(obs, scene, antialias, obs.keys, fine, groups, starts)
         self._evaluate(obs, scene, columns, 0, count)
-        return FrameSamples(_data(obs, columns, scene), groups, starts, columns.weights, count, None)
+        made = FrameSamples(_data(obs, columns, scene), groups, starts, columns.weights, count, None)
+        self._columns, self._tenant = columns, made
+        return made
 
     def _static_samples(self, obs: Observation, antialias: bool, room: int) -> StaticBase:
         """Return the samples of the static scene."""
         scene, still = self._scene(obs), StaticSamples()
-        still.coarse = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=1, still=True)
+        still.coarse = self._observer.visibility(obs.camera, obs.vertices, obs.seen, rows=1, still=True)
         still.fine = still.coarse
         if antialias:
-            still.fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2, still=True)
+            still.fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, rows=int(ROWS), still=True)
         still.groups, still.starts = self._pixels(obs), self._pixels(obs)
         columns, count = self._emit(
             obs, scene, antialias, still.coarse, still.fine, still.groups, still.starts, room=room
@@ -176,7 +187,7 @@ class Sampler:
                     pinhole=pinhole_of(obs.camera, 1),
                     out_fine=base.fine,
                 )
-            self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
+            self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, int(ROWS), base.fine)
         fine = base.fine if antialias else obs.keys
         columns, count = self._emit(obs, scene, antialias, obs.keys, fine, base.groups, base.starts, base=base)
         self._evaluate(obs, scene, columns, base.count, count - base.count)
@@ -201,26 +212,32 @@ class Sampler:
         Returns:
             Their columns, with spare capacity, and the count of all samples.
         """
-        side, camera, first = 2 if antialias else 1, obs.camera, 0 if base is None else base.count
+        rows, camera, first = int(ROWS) if antialias else 1, obs.camera, 0 if base is None else base.count
         tiles = all_tiles(camera) if base is None else np.union1d(base.touched, obs.touched).astype(np.int32)
         corners, size = self._tiles(tiles), len(tiles) * int(label_kernels.TILE_PIXELS)
         still = struct_array([StaticSamples() if base is None else base.still], self._device)
         counts = wp.empty(size, dtype=wp.int32, device=self._device)
         with self._timings("group samples"):
             passes.count_samples(
-                corners, coarse, fine, camera, side, scene, still, groups, starts, counts, self._device
+                corners, coarse, fine, camera, rows, scene, still, groups, starts, counts, self._device
             )
             found = counts.numpy()
             ends = np.cumsum(found, dtype=np.int32) + np.int32(first)
             count = int(ends[-1]) if size else first
         with self._timings("emit samples"):
-            columns = SampleColumns(count + room, self._device) if base is None else self._with_capacity(base, count)
+            columns = self._new_columns(count, room) if base is None else self._with_capacity(base, count)
             if count > first:
                 firsts: wp.array[wp.int32] = wp.array(ends - found, dtype=wp.int32, device=self._device)
                 passes.emit_samples(
-                    corners, coarse, fine, counts, firsts, camera, side, scene, groups, starts, columns, self._device
+                    corners, coarse, fine, counts, firsts, camera, rows, scene, groups, starts, columns, self._device
                 )
         return columns, count
+
+    def _new_columns(self, count: int, room: int) -> SampleColumns:
+        """Return columns of a base, with room for more samples, or, without room, of a frame without a base."""
+        if room == 0 and self._columns is not None and count <= self._columns.capacity < 2 * count:
+            return self._columns
+        return SampleColumns(count + (room or count // 8), self._device)
 
     def _with_capacity(self, base: StaticBase, count: int) -> SampleColumns:
         """Return the base's columns, enlarged if needed to hold `count` samples."""

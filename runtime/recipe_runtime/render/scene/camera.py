@@ -14,8 +14,8 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 _HERE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
 
-def pinhole_of(camera: CameraPlan, side: int) -> Pinhole:
-    """Return the struct `Pinhole` of a camera, with side x side samples per pixel."""
+def pinhole_of(camera: CameraPlan, rows: int) -> Pinhole:
+    """Return the struct `Pinhole` of a camera, with `rows` samples per pixel, each in a row of its own."""
     return set_fields(
         Pinhole(),
         focal=optics.focal_length(camera),
@@ -25,7 +25,7 @@ def pinhole_of(camera: CameraPlan, side: int) -> Pinhole:
         far=camera.far,
         width=camera.width,
         height=camera.height,
-        side=side,
+        rows=rows,
     )
 
 

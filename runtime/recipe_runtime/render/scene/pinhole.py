@@ -10,7 +10,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.struct
 class Pinhole:
-    """A pinhole camera: focal length and centre in pixels, depth limits in metres, 1 or 2 samples per pixel side."""
+    """A pinhole camera: focal length and centre in pixels, depth limits in metres, rows of samples."""
 
     focal: wp.float64
     cx: wp.float64
@@ -19,4 +19,4 @@ class Pinhole:
     far: wp.float64
     width: wp.int32  # pixels
     height: wp.int32
-    side: wp.int32  # samples along a pixel's side
+    rows: wp.int32  # of samples in a pixel, one sample each: 1 or `triangles.ROWS`

@@ -200,7 +200,7 @@ def draw_caster(
     pinhole.far = wp.float64(lens[2])
     pinhole.width = size
     pinhole.height = size
-    pinhole.side = 1
+    pinhole.rows = 1
     if a[2] > lens[1] and b[2] > lens[1] and c[2] > lens[1]:  # most triangles are small and cover no texel centre
         ra = 1.0 / a[2]
         rb = 1.0 / b[2]

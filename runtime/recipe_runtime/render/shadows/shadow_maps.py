@@ -134,7 +134,7 @@ class ShadowMap:
         `beam` is `self.beam` as a one-element array.
         """
         g, size = self._g, int(self.beam.size)
-        pinhole = set_fields(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
+        pinhole = set_fields(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, rows=1)
         if count:
             chunks = {"chunks": g.chunks, "beams": beam, "first_chunk": first}
             launch(
