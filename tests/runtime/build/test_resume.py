@@ -44,7 +44,9 @@ def counting(frames: list[float]) -> Engines:
     """Return engines that record the times of observed frames, in this process only."""
 
     class Counted(Renderer):
-        def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
+        def observe(
+            self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+        ) -> Seen:
             frames.append(0.0)
             return super().observe(camera, world_from_sensor, parts)
 
