@@ -23,6 +23,8 @@ from recipe_runtime.render.texture.images import ImageAtlas, SurfaceColours, ima
 wp.set_module_options(OPTIONS)
 
 MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the maximum of `soft`
+LEAF_DEPTH = wp.constant(wp.float32(0.45))  # metres: leaves that are nearer to a leaf do not take its sunlight
+LEAF_TINT = wp.constant(wp.vec3f(1.5, 1.35, 0.4))  # of light through a leaf, relative to what it reflects
 LEVEL = wp.constant(wp.float32(0.95))  # surfaces whose normal has at least this z hold water
 MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this form no puddle
 
@@ -37,6 +39,7 @@ class Material:
     gloss: wp.float32  # 1: mirror, 0: matt
     normal: wp.vec3f
     soft: wp.float32  # wrap lighting: leaves, cloth, skin
+    through: wp.float32  # share of sunlight on the back that shines through: leaves
     street: wp.float32  # 1: reflects the houses across the street below the sky
 
 
@@ -167,7 +170,10 @@ def material_of(
     ):
         m.coat = 0.14
         m.gloss = 0.9
-    elif pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS:
+    elif pattern == Pattern.FOLIAGE:
+        m.soft = MAX_SOFTNESS
+        m.through = 1.0
+    elif pattern == Pattern.GRASS:
         m.soft = MAX_SOFTNESS
     elif pattern == Pattern.SKIN or pattern == Pattern.CLOTH or pattern == Pattern.HAIR:
         m.soft = 0.15
@@ -217,6 +223,7 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
         pattern == Pattern.BRICK
         or pattern == Pattern.PLASTER
         or pattern == Pattern.BARK
+        or pattern == Pattern.BIRCH_BARK
         or pattern == Pattern.CLOTH
         or pattern == Pattern.STONE
         or pattern == Pattern.WOOD
@@ -293,6 +300,13 @@ def weathered_material(
         m.albedo = moving.albedo
         m.normal = moving.normal
     return m
+
+
+@wp.func
+def light_through(air: wp.array[Air], m: Material, to_sun: wp.float32, back: wp.vec3f) -> wp.vec3f:
+    """Return the light of the sun behind a leaf, as light on its front; leaves scatter most of it forwards."""
+    ahead = clamp01(0.5 - 0.5 * dot(back, air[0].sun))
+    return multiply(air[0].sunlight, LEAF_TINT) * (-to_sun * m.through * (0.35 + 0.75 * ahead * ahead))
 
 
 @wp.func
