@@ -42,7 +42,7 @@ class Growth:
 
     count: int
     length: float
-    core: float = 0.6  # radius of a clump's dark core, relative to the clump; 0: none
+    core: float = 0.0  # radius of a clump's dark core, relative to the clump; 0: none
     width: float = 0.55  # of a spray, relative to its length
     outwards: float = 0.7
     turn: float = 0.9  # by chance
@@ -83,10 +83,10 @@ def _sprays(clumps: Clumps, growth: Growth, key: int) -> tuple[Array, Array, Arr
     total = len(clumps.centres) * growth.count
     centres, radii = (np.repeat(a, growth.count, axis=0) for a in (clumps.centres, clumps.radii))
     aim = _directions(key, 0, total)
-    shell = 0.82 + 0.2 * noises(key, 8 * total + np.arange(total))
+    shell = 0.7 + 0.32 * noises(key, 8 * total + np.arange(total))
     out = unit(aim / radii)
     corners, hue, faces = kites(centres + aim * radii * shell[:, None], out, growth, key)
-    depth = np.stack([0.72 * shell, shell, 1.1 * shell, shell], axis=1).reshape(-1)
+    depth = np.stack([0.6 * shell, shell, 1.1 * shell, shell], axis=1).reshape(-1)
     return corners, np.repeat(out, 4, axis=0), depth, hue, faces
 
 
@@ -130,7 +130,7 @@ def _cores(clumps: Clumps, share: float, key: int) -> tuple[Array, Array, Array,
     points = clumps.centres[:, None] + sphere * bulge * clumps.radii[:, None]
     out = np.broadcast_to(sphere, (count, n, 3)).reshape(-1, 3)
     all_faces = (faces + n * np.arange(count)[:, None, None]).reshape(-1, 3)
-    depth, hue = np.full(count * n, 0.42), np.full(count * n, -0.1)
+    depth, hue = np.full(count * n, 0.15), np.full(count * n, -0.1)
     return points.reshape(-1, 3), out, depth, hue, all_faces
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 
@@ -18,7 +19,8 @@ _LEAVES = Surface("leaves", Pattern.FOLIAGE, Tag.VEGETATION)
 _FLOWERS = Surface("flowers", Pattern.FOLIAGE, Tag.VEGETATION)
 _SOIL = Surface("soil", Pattern.BARK, Tag.TERRAIN)
 _POT = Surface("pot", Pattern.CONCRETE, Tag.STATIC)
-_TWIGS = Growth(1, 0.17, 0.0, 0.62, 0.5, 0.8, -0.2)
+_TWIGS = Growth(1, 0.16, 0.0, 0.62, 0.5, 0.8, -0.2)
+_FAR_TWIGS = Growth(1, 0.3, 0.0, 0.7, 0.5, 0.8, -0.2)
 _PETALS = Growth(1, 0.07, 0.0, 0.9, 0.25, 0.7, -0.5)
 
 
@@ -39,7 +41,7 @@ def _shrub_shape(kind: int) -> Leaves:
     centres = aim * np.array([0.27, 0.27, 0.26]) + np.array([0.0, 0.0, 0.4])
     radius = (0.21 + 0.04 * noises(kind, 40 + np.arange(7)))[:, None]
     clumps = Clumps(centres, radius * np.array([1.0, 1.0, 1.1]))
-    leaves = foliage(clumps, Growth(28, 0.15, 0.75, 0.6, 0.6, 0.8, -0.2), kind + 311, np.array([0.0, 0.0, 0.3]))
+    leaves = foliage(clumps, Growth(44, 0.12, 0.7, 0.6, 0.6, 0.8, -0.2), kind + 311, np.array([0.0, 0.0, 0.3]))
     leaves = fitted(leaves, np.array([-0.5, -0.5, -0.1]), np.array([0.5, 0.5, 1.0]))
     leaves.points[:, 2] = np.maximum(leaves.points[:, 2], 0.0)  # flatten the base: it must not stand on a point
     return leaves
@@ -66,15 +68,18 @@ def hedge(b: Builder, e: Element) -> None:
     hull: Array = rings.reshape(-1, 3)
     out = unit((hull - np.array([0.0, 0.0, 0.45 * height])) * np.array([1.0, 0.3 / length, 1.0]))
     faces = lattice(len(rings), columns, False)
-    spread = np.arange(int(26 * length * (height + 0.5 * thick)))
-    at, leaning = _scattered(hull, out, faces, key, spread)
-    spots, hue, quads = kites(at, leaning, _TWIGS, key)
-    trimmed: Array = np.clip(spots, [-thick / 2, -length / 2, 0.0], [thick / 2, length / 2, height])
-    p, n = np.concatenate([hull, trimmed]), np.concatenate([out, np.repeat(leaning, 4, axis=0)])
-    sky = 0.3 + 0.6 * p[:, 2] / height
-    sky[: len(hull)] *= 0.6
-    uvs = np.stack([np.concatenate([np.full(len(hull), -0.1), hue]), sky], axis=1)
-    b.add(_LEAVES, p, n, uvs, np.concatenate([faces, quads + len(hull)]))
+    sky = np.stack([np.full(len(hull), -0.1), 0.2 + 0.35 * hull[:, 2] / height], axis=1)
+    b.add(_LEAVES, hull, out, sky, faces)
+    half = np.array([thick / 2, length / 2, height])
+    near = 24.0 + 0.5 * length
+    for first, last, dense, growth in ((0.0, near, 22, _TWIGS), (near, math.inf, 6, _FAR_TWIGS)):
+        with b.level(first, last, anchor=(0.0, 0.0, 0.5 * height), casts=growth is _FAR_TWIGS):
+            k = np.arange(int(dense * length * (height + 0.5 * thick)))
+            at, leaning = _scattered(hull, out, faces, key, k)
+            spots, hue, quads = kites(at, leaning, growth, key)
+            spots = np.minimum(np.maximum(spots, half * np.array([-1.0, -1.0, 0.0])), half)
+            uvs = np.stack([hue, 0.3 + 0.6 * spots[:, 2] / height], axis=1)
+            b.add(_LEAVES, spots, np.repeat(leaning, 4, axis=0), uvs, quads)
 
 
 def _scattered(points: Array, out: Array, faces: Index, key: int, k: Index) -> tuple[Array, Array]:

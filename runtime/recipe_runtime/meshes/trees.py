@@ -6,8 +6,10 @@ their bark is split into axes, which are stretched with the crown, and offsets f
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -58,12 +60,14 @@ def tree(b: Builder, e: Element) -> None:
     kind = SPECIES[species]
     scale = np.array([spread, spread, height])
     _pit(b, key, height)
-    wood = _wood(species, key % _SHAPES, 9)
-    b.add(
-        kind.bark, wood.axes * scale + wood.offsets * r, unit(wood.offsets), wood.axes[:, :2] * spread, wood.triangles
-    )
-    leaves = _crown(species, key % _SHAPES, 0)
-    b.add(_LEAVES, leaves.points * scale, unit(leaves.normals / scale), leaves.uvs, leaves.triangles)
+    limits = (0.0, 2.6 * height, 8.0 * height, math.inf)
+    for detail, (near, far) in enumerate(itertools.pairwise(limits)):
+        with b.level(near, far, anchor=(0.0, 0.0, 0.55 * height), casts=detail == 1):
+            wood = _wood(species, key % _SHAPES, detail)
+            marks = wood.axes[:, :2] * spread
+            b.add(kind.bark, wood.axes * scale + wood.offsets * r, unit(wood.offsets), marks, wood.triangles)
+            leaves = _crown(species, key % _SHAPES, detail)
+            b.add(_LEAVES, leaves.points * scale, leaves.normals, leaves.uvs, leaves.triangles)
 
 
 def _pit(b: Builder, key: int, height: float) -> None:
@@ -85,14 +89,15 @@ def _crown(species: int, shape: int, detail: int) -> Leaves:
     clumps = kind.clumps(shape)
     middle = np.array([0.0, 0.0, kind.height * (0.35 + 0.5 * kind.low)])
     leaves = foliage(clumps, kind.growths[detail], 100 * species + shape, middle)
-    return fitted(leaves, np.array([-0.5, -0.5, kind.low]), np.array([0.5, 0.5, 1.0]))
+    one = fitted(leaves, np.array([-0.5, -0.5, kind.low]), np.array([0.5, 0.5, 1.0]))
+    return replace(one, normals=leaves.normals)  # trees are hardly stretched
 
 
 @cache
-def _wood(species: int, shape: int, sides: int) -> Wood:
-    """Return trunk and branches of a shape, for a tree of height and spread 1."""
+def _wood(species: int, shape: int, detail: int) -> Wood:
+    """Return trunk and branches of a shape in a level of detail, for a tree of height and spread 1."""
     kind = SPECIES[species]
-    wood = kind.wood(shape, kind.clumps(shape), sides)
+    wood = kind.wood(shape, kind.clumps(shape), (9, 7, 5)[detail])
     return Wood(wood.axes / np.array([1.0, 1.0, kind.height]), wood.offsets, wood.triangles)
 
 
@@ -128,23 +133,28 @@ def _trunk(key: int, heights: tuple[float, ...], radii: tuple[float, ...], sides
     return _limb(path, wide, sides)
 
 
-def _branches(clumps: Clumps, start: float, end: float, thick: float, rise: float) -> list[Wood]:
-    """Return a branch from the trunk, between two heights, into each clump: out at first, then up by `rise`."""
-    found = []
+def _branches(clumps: Clumps, sides: int, start: float, end: float, thick: float, rise: float) -> list[Wood]:
+    """Return a branch from the trunk, between two heights, into each clump: out at first, then up by `rise`.
+
+    Branches with fewer than 3 sides are left out.
+    """
+    found: list[Wood] = []
+    if sides < 3:
+        return found
     low, high = clumps.centres[:, 2].min(), clumps.centres[:, 2].max()
     for x, y, z in clumps.centres.tolist():
         foot = min(start + (end - start) * (z - low) / max(high - low, 1e-6), z)
         path = np.array([(0.0, 0.0, foot), (0.55 * x, 0.55 * y, foot + (1.0 - rise) * (z - foot)), (x, y, z)])
-        found.append(_limb(path, thick * np.array([1.0, 0.65, 0.2]), 5))
+        found.append(_limb(path, thick * np.array([1.0, 0.65, 0.2]), sides))
     return found
 
 
 def _broad_clumps(shape: int) -> Clumps:
     """The crown of a lime or a plane: clumps over an egg, wider above or below."""
-    count = 13 + shape % 3
+    count = 15 + shape % 3
     aim = spiral(count, shape, -0.8, 1.0)
     wide = 1.0 + (0.25 if shape % 2 else -0.2) * aim[:, 2:]
-    reach = 0.31 + 0.05 * noises(shape, 90 + np.arange(count))[:, None]
+    reach = 0.3 + 0.04 * noises(shape, 90 + np.arange(count))[:, None]
     centres = np.concatenate([aim * reach * np.concatenate([wide, wide, 0 * wide + 1.45], axis=1), np.zeros((1, 3))])
     radius = np.append(0.185 + 0.035 * noises(shape, 60 + np.arange(count)), 0.22)[:, None]
     return Clumps(centres + np.array([0.0, 0.0, 1.18]), radius * np.array([1.0, 1.0, 0.85]))
@@ -153,7 +163,7 @@ def _broad_clumps(shape: int) -> Clumps:
 def _broad_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
     trunk = _trunk(shape, (-0.02, 0.02, 0.09, 0.3, 0.62), (2.2, 1.5, 1.08, 0.9, 0.7), sides, 0.5)
     leader = _limb(np.array([(0.0, 0.0, 0.6), (0.01, 0.0, 0.95), (0.0, 0.0, 1.4)]), np.array([0.7, 0.45, 0.15]), 6)
-    return _joined([trunk, leader, *_branches(clumps, 0.55, 1.1, 0.42, 0.55)])
+    return _joined([trunk, leader, *_branches(clumps, sides - 4, 0.55, 1.1, 0.42, 0.55)])
 
 
 def _poplar_clumps(shape: int) -> Clumps:
@@ -168,7 +178,7 @@ def _poplar_clumps(shape: int) -> Clumps:
 
 def _poplar_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
     heights, radii = (-0.03, 0.02, 0.12, 1.2, 2.9), (1.9, 1.4, 1.05, 0.7, 0.1)
-    return _joined([_trunk(shape, heights, radii, sides, 0.2), *_branches(clumps, 0.3, 2.4, 0.25, 0.8)])
+    return _joined([_trunk(shape, heights, radii, sides, 0.2), *_branches(clumps, sides - 4, 0.3, 2.4, 0.25, 0.8)])
 
 
 def _birch_clumps(shape: int) -> Clumps:
@@ -184,7 +194,7 @@ def _birch_clumps(shape: int) -> Clumps:
 
 def _birch_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
     heights, radii = (-0.03, 0.02, 0.12, 1.0, 2.1), (1.5, 1.1, 0.85, 0.6, 0.1)
-    return _joined([_trunk(shape, heights, radii, sides, 0.4), *_branches(clumps, 0.6, 1.7, 0.2, 0.45)])
+    return _joined([_trunk(shape, heights, radii, sides, 0.4), *_branches(clumps, sides - 4, 0.6, 1.7, 0.2, 0.45)])
 
 
 def _spruce_clumps(shape: int) -> Clumps:
@@ -221,41 +231,44 @@ def _pine_clumps(shape: int) -> Clumps:
 
 def _pine_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
     heights, radii = (-0.03, 0.02, 0.1, 0.8, 1.4, 1.95), (1.7, 1.3, 1.0, 0.85, 0.65, 0.15)
-    return _joined([_trunk(shape, heights, radii, sides, 0.8), *_branches(clumps, 1.15, 1.7, 0.35, 0.3)])
+    return _joined([_trunk(shape, heights, radii, sides, 0.8), *_branches(clumps, sides - 4, 1.15, 1.7, 0.35, 0.3)])
 
 
 SPECIES = (
-    Species(1.85, 0.27, _broad_clumps, _broad_wood, (Growth(90, 0.105), Growth(34, 0.17), Growth(10, 0.3))),
+    Species(
+        1.85, 0.27, _broad_clumps, _broad_wood,
+        (Growth(140, 0.082, width=0.64), Growth(42, 0.155), Growth(10, 0.3, 0.6)),
+    ),
     Species(
         2.55, 0.08, _spruce_clumps, _spruce_wood,
         (
-            Growth(18, 0.16, 0.0, 0.3, 1.0, 0.45, 0.25),
-            Growth(8, 0.24, 0.0, 0.4, 1.0, 0.45, 0.25),
-            Growth(3, 0.36, 0.0, 0.5, 1.0, 0.4, 0.25),
+            Growth(22, 0.16, 0.0, 0.4, 1.0, 0.45, 0.25),
+            Growth(9, 0.25, 0.0, 0.45, 1.0, 0.45, 0.25),
+            Growth(3, 0.4, 0.0, 0.55, 1.0, 0.4, 0.25),
         ),
     ),
     Species(
         3.35, 0.1, _poplar_clumps, _poplar_wood,
         (
-            Growth(110, 0.16, 0.6, 0.45, 0.5, 0.6, -0.7),
-            Growth(40, 0.26, 0.6, 0.45, 0.5, 0.6, -0.7),
+            Growth(100, 0.15, 0.0, 0.5, 0.5, 0.6, -0.7),
+            Growth(38, 0.25, 0.0, 0.5, 0.5, 0.6, -0.7),
             Growth(11, 0.42, 0.6, 0.5, 0.5, 0.6, -0.7),
         ),
     ),
     Species(
         2.25, 0.2, _birch_clumps, _birch_wood,
         (
-            Growth(60, 0.09, 0.0, 0.55, 0.4, 0.7, 0.6),
-            Growth(26, 0.14, 0.0, 0.55, 0.4, 0.7, 0.6),
-            Growth(8, 0.25, 0.0, 0.55, 0.4, 0.7, 0.6),
+            Growth(80, 0.085, 0.0, 0.55, 0.4, 0.7, 0.6),
+            Growth(34, 0.135, 0.0, 0.55, 0.4, 0.7, 0.6),
+            Growth(8, 0.28, 0.0, 0.55, 0.4, 0.7, 0.6),
         ),
         _BIRCH_BARK,
     ),
     Species(
         2.1, 0.5, _pine_clumps, _pine_wood,
         (
-            Growth(110, 0.1, 0.55, 0.3, 0.8, 0.6, -0.2),
-            Growth(40, 0.17, 0.55, 0.35, 0.8, 0.6, -0.2),
+            Growth(110, 0.105, 0.0, 0.32, 0.8, 0.6, -0.2),
+            Growth(40, 0.18, 0.0, 0.35, 0.8, 0.6, -0.2),
             Growth(11, 0.28, 0.55, 0.45, 0.8, 0.6, -0.2),
         ),
     ),

@@ -64,7 +64,7 @@ class Site:
         stream = self.stream(name)
         height = stream.uniform(0.6, 1.0) * tallest
         kind = stream.choice(species)
-        radius = height * stream.uniform(0.24, 0.3) * (1.0, 0.75, 0.55, 0.85, 0.9)[kind]
+        radius = height * stream.uniform(0.26, 0.31) * (1.0, 0.75, 0.55, 0.85, 0.9)[kind]
         turned = Pose(x=pose.x, y=pose.y, z=pose.z, yaw=stream.uniform(0, 360))
         size = (2 * radius, 2 * radius, height)
         self.add(name, "tree", turned, size, trunk=0.07 + 0.012 * height, key=stream.integer(0, 1 << 20), species=kind)

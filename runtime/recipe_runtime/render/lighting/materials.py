@@ -24,7 +24,7 @@ wp.set_module_options(OPTIONS)
 
 MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the maximum of `soft`
 LEAF_DEPTH = wp.constant(wp.float32(0.45))  # metres: leaves that are nearer to a leaf do not take its sunlight
-LEAF_TINT = wp.constant(wp.vec3f(1.5, 1.35, 0.4))  # of light through a leaf, relative to what it reflects
+LEAF_TINT = wp.constant(wp.vec3f(0.85, 1.12, 0.36))  # of light through a leaf, relative to what it reflects
 LEVEL = wp.constant(wp.float32(0.95))  # surfaces whose normal has at least this z hold water
 MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this form no puddle
 

@@ -36,13 +36,13 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
         near = fade(0.07, foot)
         if near > 0.0:
             leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, seeds.LEAF) - 0.5
-            tone = tone + (0.7 * leaf - 0.25 * hole(leaf + 0.3 * twig)) * near
+            tone = tone + (0.55 * leaf - 0.12 * hole(leaf + 0.3 * twig)) * near
             d.second = clamp01(d.second + 0.5 * leaf * near)
             d.normal = normalize(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
             close = fade(0.03, foot)
             if close > 0.0:
                 edge = noise3(p[0] * 61.0, p[1] * 61.0, p[2] * 67.0, seeds.LEAF_EDGE) - 0.5
-                tone = tone + (0.6 * edge - 0.35 * hole(edge + 0.4 * leaf)) * close
+                tone = tone + (0.6 * edge - 0.15 * hole(edge + 0.4 * leaf)) * close
                 d.normal = normalize(d.normal + wp.vec3f(0.7 * edge * close, 0.6 * edge * close, -0.5 * edge * close))
     d.tone = maximum(tone, 0.2) * (0.22 + 0.78 * uv[1])
     return d

@@ -76,7 +76,9 @@ def _second(key: SurfaceKey, first: Any) -> Any:
         return np.array([0.05, 0.048, 0.045])
     if key.pattern == Pattern.LETTER:
         return np.array([0.03, 0.03, 0.03]) if float(first[1]) > 0.25 else np.array([0.75, 0.71, 0.6])
-    if key.pattern in (Pattern.FOLIAGE, Pattern.GRASS):
+    if key.pattern == Pattern.FOLIAGE:
+        return first * np.array([1.35, 1.35, 0.8])
+    if key.pattern == Pattern.GRASS:
         return first * np.array([1.6, 1.35, 0.85])
     if key.pattern == Pattern.ROAD_PAINT:
         return np.array([0.07, 0.07, 0.072])
