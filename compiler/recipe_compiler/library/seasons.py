@@ -14,9 +14,9 @@ NAMES: tuple[str, ...] = get_args(Season)
 _EVERGREEN = frozenset({1, 4})  # species of trees
 _COLOURS: dict[str, dict[str, tuple[str, ...]]] = {
     "spring": {
-        "leaves": ("#6f8446", "#78904e", "#82934f", "#6a7f48", "#b59a9c", "#b9a8a4"),
+        "leaves": ("#6f8446", "#78904e", "#82934f", "#6a7f48", "#74884a", "#b59a9c"),
         "flowers": ("#c9b03f", "#b98ab0", "#d8d2c8", "#c4605a"),
-        "grass": ("#687a50", "#6d7d52"),
+        "grass": ("#66764f", "#6a7951"),
     },
     "autumn": {
         "leaves": ("#927236", "#9c6432", "#7f472f", "#a08840", "#6f6a40", "#8a5a34"),

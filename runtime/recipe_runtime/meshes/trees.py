@@ -60,7 +60,7 @@ def tree(b: Builder, e: Element) -> None:
     kind = SPECIES[species]
     scale = np.array([spread, spread, height])
     _pit(b, key, height)
-    limits = (0.0, 2.6 * height, 8.0 * height, math.inf)
+    limits = (0.0, 3.0 * height, 10.0 * height, math.inf)
     for detail, (near, far) in enumerate(itertools.pairwise(limits)):
         with b.level(near, far, anchor=(0.0, 0.0, 0.55 * height), casts=detail == 1):
             wood = _wood(species, key % _SHAPES, detail)
@@ -221,11 +221,11 @@ def _spruce_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
 
 def _pine_clumps(shape: int) -> Clumps:
     """Flat clouds of needles at the ends of branches, high on a bare trunk."""
-    count = 9
-    aim = spiral(count, shape + 80, -0.9, 0.9)
+    count = 14
+    aim = spiral(count, shape + 80, -0.9, 1.0)
     reach = 0.33 + 0.04 * noises(shape, np.arange(count))[:, None]
     centres = aim * reach * np.array([1.0, 1.0, 1.1]) + np.array([0.0, 0.0, 1.75])
-    radius = (0.19 + 0.03 * noises(shape, 50 + np.arange(count)))[:, None]
+    radius = (0.18 + 0.03 * noises(shape, 50 + np.arange(count)))[:, None]
     return Clumps(centres, radius * np.array([1.0, 1.0, 0.55]))
 
 
@@ -237,7 +237,7 @@ def _pine_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
 SPECIES = (
     Species(
         1.85, 0.27, _broad_clumps, _broad_wood,
-        (Growth(140, 0.082, width=0.64), Growth(42, 0.155), Growth(10, 0.3, 0.6)),
+        (Growth(140, 0.082, width=0.64), Growth(50, 0.148, width=0.62), Growth(12, 0.29, 0.6)),
     ),
     Species(
         2.55, 0.08, _spruce_clumps, _spruce_wood,
@@ -267,7 +267,7 @@ SPECIES = (
     Species(
         2.1, 0.5, _pine_clumps, _pine_wood,
         (
-            Growth(110, 0.105, 0.0, 0.32, 0.8, 0.6, -0.2),
+            Growth(90, 0.1, 0.0, 0.36, 0.8, 0.6, -0.2),
             Growth(40, 0.18, 0.0, 0.35, 0.8, 0.6, -0.2),
             Growth(11, 0.28, 0.55, 0.45, 0.8, 0.6, -0.2),
         ),
