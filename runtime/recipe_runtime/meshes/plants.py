@@ -19,8 +19,8 @@ _LEAVES = Surface("leaves", Pattern.FOLIAGE, Tag.VEGETATION)
 _FLOWERS = Surface("flowers", Pattern.FOLIAGE, Tag.VEGETATION)
 _SOIL = Surface("soil", Pattern.BARK, Tag.TERRAIN)
 _POT = Surface("pot", Pattern.CONCRETE, Tag.STATIC)
-_TWIGS = Growth(1, 0.16, 0.0, 0.62, 0.5, 0.8, -0.2)
-_FAR_TWIGS = Growth(1, 0.3, 0.0, 0.7, 0.5, 0.8, -0.2)
+_TWIGS = Growth(1, 0.19, 0.0, 0.62, 0.5, 0.8, -0.2)
+_FAR_TWIGS = Growth(1, 0.34, 0.0, 0.7, 0.5, 0.8, -0.2)
 _PETALS = Growth(1, 0.07, 0.0, 0.9, 0.25, 0.7, -0.5)
 
 
@@ -72,7 +72,7 @@ def hedge(b: Builder, e: Element) -> None:
     b.add(_LEAVES, hull, out, sky, faces)
     half = np.array([thick / 2, length / 2, height])
     near = 24.0 + 0.5 * length
-    for first, last, dense, growth in ((0.0, near, 22, _TWIGS), (near, math.inf, 6, _FAR_TWIGS)):
+    for first, last, dense, growth in ((0.0, near, 17, _TWIGS), (near, math.inf, 4, _FAR_TWIGS)):
         with b.level(first, last, anchor=(0.0, 0.0, 0.5 * height), casts=growth is _FAR_TWIGS):
             k = np.arange(int(dense * length * (height + 0.5 * thick)))
             at, leaning = _scattered(hull, out, faces, key, k)

@@ -98,7 +98,8 @@ def _wood(species: int, shape: int, detail: int) -> Wood:
     """Return trunk and branches of a shape in a level of detail, for a tree of height and spread 1."""
     kind = SPECIES[species]
     wood = kind.wood(shape, kind.clumps(shape), (9, 7, 5)[detail])
-    return Wood(wood.axes / np.array([1.0, 1.0, kind.height]), wood.offsets, wood.triangles)
+    axes = wood.axes / np.array([1.0, 1.0, kind.height])
+    return Wood(np.minimum(axes, 0.96), wood.offsets, wood.triangles)  # no branch rises above the crown
 
 
 def _limb(path: Array, radii: Array, sides: int) -> Wood:
@@ -145,13 +146,13 @@ def _branches(clumps: Clumps, sides: int, start: float, end: float, thick: float
     for x, y, z in clumps.centres.tolist():
         foot = min(start + (end - start) * (z - low) / max(high - low, 1e-6), z)
         path = np.array([(0.0, 0.0, foot), (0.55 * x, 0.55 * y, foot + (1.0 - rise) * (z - foot)), (x, y, z)])
-        found.append(_limb(path, thick * np.array([1.0, 0.65, 0.2]), sides))
+        found.append(_limb(path, thick * np.array([1.0, 0.65, 0.06]), sides))
     return found
 
 
 def _broad_clumps(shape: int) -> Clumps:
     """The crown of a lime or a plane: clumps over an egg, wider above or below."""
-    count = 15 + shape % 3
+    count = 14 + shape % 3
     aim = spiral(count, shape, -0.8, 1.0)
     wide = 1.0 + (0.25 if shape % 2 else -0.2) * aim[:, 2:]
     reach = 0.3 + 0.04 * noises(shape, 90 + np.arange(count))[:, None]
@@ -193,7 +194,7 @@ def _birch_clumps(shape: int) -> Clumps:
 
 
 def _birch_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
-    heights, radii = (-0.03, 0.02, 0.12, 1.0, 2.1), (1.5, 1.1, 0.85, 0.6, 0.1)
+    heights, radii = (-0.03, 0.02, 0.12, 1.0, 2.1), (1.5, 1.1, 0.85, 0.6, 0.05)
     return _joined([_trunk(shape, heights, radii, sides, 0.4), *_branches(clumps, sides - 4, 0.6, 1.7, 0.2, 0.45)])
 
 
@@ -237,7 +238,7 @@ def _pine_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
 SPECIES = (
     Species(
         1.85, 0.27, _broad_clumps, _broad_wood,
-        (Growth(140, 0.082, width=0.64), Growth(50, 0.148, width=0.62), Growth(12, 0.29, 0.6)),
+        (Growth(92, 0.098, width=0.64), Growth(34, 0.168, width=0.64), Growth(9, 0.31, 0.6)),
     ),
     Species(
         2.55, 0.08, _spruce_clumps, _spruce_wood,

@@ -131,6 +131,7 @@ def material_of(
 ) -> Material:
     """Return the dry material."""
     m = Material()
+    m.through = float(pattern == Pattern.FOLIAGE)
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * maximum(detail[0], 0.05)
     if is_window(pattern):
@@ -170,10 +171,7 @@ def material_of(
     ):
         m.coat = 0.14
         m.gloss = 0.9
-    elif pattern == Pattern.FOLIAGE:
-        m.soft = MAX_SOFTNESS
-        m.through = 1.0
-    elif pattern == Pattern.GRASS:
+    elif pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS:
         m.soft = MAX_SOFTNESS
     elif pattern == Pattern.SKIN or pattern == Pattern.CLOTH or pattern == Pattern.HAIR:
         m.soft = 0.15
