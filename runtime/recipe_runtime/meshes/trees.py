@@ -231,7 +231,7 @@ def _pine_clumps(shape: int) -> Clumps:
 
 
 def _pine_wood(shape: int, clumps: Clumps, sides: int) -> Wood:
-    heights, radii = (-0.03, 0.02, 0.1, 0.8, 1.4, 1.95), (1.7, 1.3, 1.0, 0.85, 0.65, 0.15)
+    heights, radii = (-0.02, 0.02, 0.1, 0.8, 1.4, 1.95), (1.7, 1.3, 1.0, 0.85, 0.65, 0.15)
     return _joined([_trunk(shape, heights, radii, sides, 0.8), *_branches(clumps, sides - 4, 1.15, 1.7, 0.35, 0.3)])
 
 

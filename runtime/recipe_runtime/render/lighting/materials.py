@@ -131,7 +131,6 @@ def material_of(
 ) -> Material:
     """Return the dry material."""
     m = Material()
-    m.through = float(pattern == Pattern.FOLIAGE)
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * maximum(detail[0], 0.05)
     if is_window(pattern):
@@ -268,7 +267,9 @@ def dry_material(
         if image >= 0:
             first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
         detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
-    return material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
+    m = material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
+    m.through = wp.where(pattern == Pattern.FOLIAGE, 1.0, 0.0)
+    return m
 
 
 @wp.func
