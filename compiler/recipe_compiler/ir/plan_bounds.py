@@ -21,7 +21,7 @@ Range = tuple[float, float]
 
 MAX_ROUTE_METRES = 16_000_000  # of the routes of all vehicles of a scene; a driver keeps a speed for each metre
 MAX_TOUCHING = 4_000  # pairs of actors; PyBullet fails when it reports about 20,000 points of contact
-MAX_TRIANGLES = 12_000_000  # of a town, if each of its elements has as many as its kind may have
+MAX_TRIANGLES = 14_000_000  # of a town, if each of its elements has as many as its kind may have
 MAX_PROP_TRIANGLES = 4_000_000  # of the props of a scene; plans do not have the contents of their meshes
 MAX_TEXTURE_PIXELS = 64 << 20  # of all images of an appearance
 
@@ -69,7 +69,7 @@ KINDS: dict[str, Kind] = {
         },
     ),
     "bus_stop": _fixed(200, (1.6, 4.0, 2.6), 200),
-    "bush": Kind(1200, ((0.8, 2.1), (0.8, 2.1), (0.6, 1.7)), 300, _KEY),
+    "bush": Kind(1200, ((0.8, 2.1), (0.8, 2.1), (0.6, 1.7)), 800, _KEY),
     "cafe": _fixed(900, (1.3, 1.8, 2.4), 700, **_KEY),
     "carriageway": Kind(
         150,
@@ -88,7 +88,7 @@ KINDS: dict[str, Kind] = {
     ),
     "ground": _fixed(2, (2400.0, 2400.0, 0.05), 400),
     "guardrail": Kind(300, ((0.3, 0.5), (5.0, 48.0), (0.75, 0.8)), 500, {"double": _FLAG}),
-    "hedge": Kind(1000, ((0.6, 0.8), (0.8, 36.0), (1.0, 1.7)), 1300, _KEY),
+    "hedge": Kind(1000, ((0.6, 0.8), (0.8, 36.0), (1.0, 1.7)), 4300, _KEY),
     "house": Kind(
         600,
         ((7.9, 10.1), (9.4, 13.1), (2.8, 6.2)),
@@ -109,7 +109,7 @@ KINDS: dict[str, Kind] = {
     "lamp": Kind(1500, ((0.16, 0.2), (0.16, 0.2), (4.0, 10.0)), 140, {"arm": (0.5, 2.5)}),
     "letter_box": _fixed(200, (0.4, 0.44, 1.3), 80),
     "path": Kind(600, ((10.0, 48.0), (2.5, 3.0), (0.0, 0.01)), 10, {"drive": _FLAG}),
-    "planter": _fixed(400, (1.2, 1.2, 0.9), 300, **_KEY),
+    "planter": _fixed(400, (1.2, 1.2, 0.9), 1000, **_KEY),
     "road": Kind(
         300,
         ((18.0, 120.0), (6.0, 10.6), (0.0, 0.0)),
@@ -136,8 +136,8 @@ KINDS: dict[str, Kind] = {
     "tree": Kind(
         1800,
         ((1.0, 9.0), (1.0, 9.0), (3.0, 15.0)),
-        900,
-        {"trunk": (0.1, 0.26), "key": (0, 1 << 20), "species": (0, 2)},
+        5800,
+        {"trunk": (0.1, 0.26), "key": (0, 1 << 20), "species": (0, 4)},
     ),
     "wall": _fixed(250, (0.25, 9.0, 2.6), 60),
 }  # fmt: skip

@@ -28,6 +28,7 @@ from recipe_compiler.ir.plan import (
 )
 from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import weather
+from recipe_compiler.library.seasons import Season, in_season
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering import lint, plausibility, props, sun, traffic
 from recipe_compiler.lowering.actors import ActorLowering
@@ -130,7 +131,7 @@ class Lowering:
             seed=variant.seed,
             weather=numbers,
             sun=where,
-            looks=scene.looks,
+            looks=self._looks(scene, base.season),
             textures=scene.textures,
             patches=patches,
             responses={name: _response(sensor.camera) for name, sensor in base.sensors.items()},
@@ -214,6 +215,16 @@ class Lowering:
         looks = Looks.model_construct(root={**town.looks, **actor_lowering.looks, **stage.looks})
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
         return _Scene(plan, looks, stage.textures)
+
+    def _looks(self, scene: _Scene, season: Season) -> Looks:
+        """Return the colours of a scene in a season."""
+        if season == "summer":
+            return scene.looks
+
+        def made() -> Looks:
+            return Looks.model_construct(root=in_season(scene.looks.root, scene.plan.town.elements, season))
+
+        return self._once(("season", id(scene), season), scene, made)
 
     def _town(self, spec: TownSpec) -> Town:
         key = (spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))

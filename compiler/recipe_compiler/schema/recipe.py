@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, StringConstraints, create_model
 from recipe_compiler.ir.modalities import CHOICES, Form
 from recipe_compiler.ir.patches import MAX_PATCHES
 from recipe_compiler.ir.plan_types import MAX_SENSORS
+from recipe_compiler.library.seasons import Season
 from recipe_compiler.schema.camera import Sensor
 from recipe_compiler.schema.fields import MAX_ASSETS, MAX_PROPS, Model, Name, Seed, distinct
 from recipe_compiler.schema.patches import Patch
@@ -29,6 +30,9 @@ class Base(Model):
         Field(description='Time of day, quoted: "19:40". It sets the sun; angles given in `weather` override it.'),
     ] = None
     place: Annotated[Geography, Field(description="Geographical location and date, used with `time`.")] = Geography()
+    season: Annotated[
+        Season, Field(description="Colours of leaves, flowers and grass; labels are the same in all seasons.")
+    ] = "summer"
     actors: Annotated[dict[Name, Actor], Field(description="Actors by name.")] = {}
     traffic: Annotated[Traffic, Field(description="Numbers of additional, randomly chosen actors.")] = Traffic()
     props: Annotated[dict[Name, Prop], Field(max_length=MAX_PROPS, description="Static objects by name.")] = {}

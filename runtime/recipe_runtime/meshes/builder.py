@@ -73,6 +73,7 @@ class Builder:
         self._ids: list[Index] = []
         self._level_ids: list[Index] = []
         self._influences: list[Influences | None] = []  # of the points, None: those of the base part
+        self._loose: list[Index] = []  # numbers of the points of which others may be equals
         self._levels: dict[Level, int] = {}
         self._level = -1  # of the triangles that are added; -1: shown at all distances
         self._count = 0
@@ -103,13 +104,7 @@ class Builder:
         self._append(points, normals, uvs, triangles, ids, influences)
 
     def _append(
-        self,
-        points: Array,
-        normals: Array,
-        uvs: Array,
-        triangles: Index,
-        ids: Index,
-        influences: Influences | None,
+        self, points: Array, normals: Array, uvs: Array, triangles: Index, ids: Index, influences: Influences | None
     ) -> None:
         self._points.append(points)
         self._normals.append(normals)
@@ -171,6 +166,7 @@ class Builder:
             first = np.arange(len(quad), dtype=np.int64)[:, None] * 4
             triangles = (first + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
             self.add(surface, quad.reshape(-1, 3), np.repeat(normal, 4, axis=0), uvs.reshape(-1, 2), triangles)
+            self._loose.append(self._count - 1 - np.arange(4 * len(quad)))
         self._quads = {}
 
     def fan(self, surface: Surface, ring: Sequence[Vec]) -> None:
@@ -181,6 +177,7 @@ class Builder:
         uvs = _plane_uv(points[None], normal)[0]
         triangles = np.array([(0, k, k + 1) for k in range(1, n - 1)], np.int64)
         self.add(surface, points, np.repeat(normal, n, axis=0), uvs, triangles)
+        self._loose.append(self._count - 1 - np.arange(n))
 
     def box(self, surface: Surface, low: Vec, high: Vec, without: str = "") -> None:
         """Add an axis-aligned box; `without` names the faces to omit, such as "-z +x"."""
@@ -280,6 +277,7 @@ class Builder:
             followed = Influences(rows.parts[at], rows.weights[at])
         corners, normals = flat.corners.reshape(-1, 3), flat.normals.reshape(-1, 3)
         self._append(corners, normals, uvs, index, table[flat.codes], followed)
+        self._loose.append(self._count - 1 - np.arange(len(corners)))
 
     def mesh(self, transform: Array | None = None, joints: Sequence[Joint] = ()) -> Mesh:
         """Return the mesh of all triangles; equal vertices are merged.
@@ -301,7 +299,7 @@ class Builder:
         skin = None
         if joints:
             skin = skin_of(joined(self._influences, [len(points) for points in self._points]), joints)
-        first, inverse = distinct(rows, skin)
+        first, inverse = distinct(rows, skin, self._loose)
         rows = rows[first]
         return Mesh(
             vertices=np.ascontiguousarray(rows[:, 0:3]),

@@ -46,6 +46,7 @@ class Pattern(IntEnum):
     FACADE = 39  # numbered like WINDOW; a window and the wall around it, for distant buildings
     SIGNAL = 40  # a lit signal lens: it emits light by day and by night
     IMAGE = 41  # an image texture, uv (0, 0) at its top-left corner; without a texture, the slot's colour
+    BIRCH_BARK = 50  # white, with dark marks across
     BRAKELIGHT = 55  # uv as for `HEADLIGHT`
     INDICATOR = 56  # uv as for `HEADLIGHT`
     REVERSELIGHT = 57  # uv as for `HEADLIGHT`

@@ -15,11 +15,12 @@ from recipe_runtime.meshes.furniture import bench, billboard, bin_, bollard, bus
 from recipe_runtime.meshes.houses import house
 from recipe_runtime.meshes.mesh import Body, Mesh
 from recipe_runtime.meshes.monuments import fountain, statue
-from recipe_runtime.meshes.plants import bush, hedge, planter, tree
+from recipe_runtime.meshes.plants import bush, hedge, planter
 from recipe_runtime.meshes.roads import carriageway, ground, junction, path, road, sidewalk
 from recipe_runtime.meshes.signs import gantry, guardrail, sign, signal_lamps, traffic_light
 from recipe_runtime.meshes.street_life import bicycles, board, cafe, delivery, letter_box
 from recipe_runtime.meshes.towers import tower
+from recipe_runtime.meshes.trees import tree
 
 _KEPT_ELEMENTS = 1000  # 20 KB of vertices and triangles each
 _kept: dict[str, tuple[Body, ...]] = {}  # of the last town, by its digest

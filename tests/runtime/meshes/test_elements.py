@@ -54,17 +54,17 @@ KINDS = [
     *(house(style, roof) for style in range(3) for roof in range(3)),
     *(kind("fence", (0.1, 8, 1.2), {5}, 800, style=s) for s in range(3)),
     *(
-        Kind("tree", (4, 4, 7), frozenset({9, 10}), 950, {"trunk": 0.15, "species": s, "key": k}, (0.13, 0.13, 0.0))
-        for s in range(3)
+        Kind("tree", (4, 4, 7), frozenset({9, 10}), 5800, {"trunk": 0.15, "species": s, "key": k}, (0.13, 0.13, 0.0))
+        for s in range(5)
         for k in (1, 77)
     ),
     Kind("wall", (0.25, 9, 2.6), frozenset({4}), 60, {}, (0.07, 0, 0), True),
     Kind("lamp", (0.16, 0.16, 6.5), frozenset({6}), 150, {"arm": 1.6}, (2.1, 0.06, 0.06)),
     Kind("bench", (0.5, 1.6, 0.85), frozenset({20}), 140, {}, (0.03, 0.01, 0.01)),
     kind("bin", (0.42, 0.42, 0.95), {20}, 120),
-    kind("hedge", (0.8, 10, 1.2), {9}, 500, key=4),
-    kind("bush", (1.4, 1.4, 1.1), {9}, 450, key=4),
-    kind("planter", (1.2, 1.2, 0.9), {20, 9, 10}, 500, key=4),
+    kind("hedge", (0.8, 10, 1.2), {9}, 1100, key=4),
+    kind("bush", (1.4, 1.4, 1.1), {9}, 800, key=4),
+    kind("planter", (1.2, 1.2, 0.9), {20, 9, 10}, 1000, key=4),
     Kind("bicycles", (1.9, 1.8, 1.1), frozenset({20}), 4500, {"key": 4}, (0.1, 0.1, 0.0)),
     Kind("board", (0.5, 0.62, 1.1), frozenset({20}), 60, {"key": 4}, (0.02, 0.02, 0.0)),
     Kind("cafe", (1.3, 1.8, 2.4), frozenset({20}), 700, {"key": 4}, (0.05, 0.05, 0.05)),

@@ -133,7 +133,7 @@ def test_every_town_has_valid_meshes_and_a_budget(name: str) -> None:
     town = towns.build(name, 0, {})
     bodies = town_bodies(town.plan)
     assert [body.name for body in bodies] == [e.name for e in town.plan.elements]
-    assert sum(len(body.mesh("static").triangles) for body in bodies) < 300_000
+    assert sum(len(body.mesh("static").triangles) for body in bodies) < 1_300_000
     for body in bodies:
         assert body.instance == 0 and [part for part, _ in body.parts] == ["static"]
         check(body.mesh("static"))
@@ -229,7 +229,9 @@ def _shaded_by_a_loop(points: NDArray[np.float64], crease: float, hole: int) -> 
 @pytest.mark.slow
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=40))
 def test_equal_vertices_are_numbered_in_their_order(kinds: list[int]) -> None:
-    first, which = distinct(np.array([[kind, 1, 2, 3, 4, 5, 6, kind % 2] for kind in kinds], np.float32), None)
+    first, which = distinct(
+        np.array([[kind, 1, 2, 3, 4, 5, 6, kind % 2] for kind in kinds], np.float32), None, [np.arange(len(kinds))]
+    )
     order = list(dict.fromkeys(kinds))
     assert first.tolist() == [kinds.index(kind) for kind in order]
     assert which.tolist() == [order.index(kind) for kind in kinds]

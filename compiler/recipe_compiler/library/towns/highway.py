@@ -187,7 +187,7 @@ def _green(site: Site, road: Motorway, name: str, sign: int, y: float) -> None:
     clear = road.path + 5.0 if sign > 0 else road.edge + 15.0
     if stream.unit() < 0.62:
         at = Pose(x=sign * (clear + stream.uniform(0.0, 14.0)), y=y + stream.uniform(-6.0, 6.0))
-        site.tree(f"tree.{name}", at, stream.uniform(8.0, 14.0), (0, 0, 1, 2))
+        site.tree(f"tree.{name}", at, stream.uniform(8.0, 14.0), (0, 0, 1, 2, 3, 4))
     if stream.unit() < 0.35:
         size = stream.uniform(1.0, 2.0)
         at = Pose(x=sign * (clear - 1.5 + stream.uniform(0.0, 2.0)), y=y + stream.uniform(-6.0, 6.0))

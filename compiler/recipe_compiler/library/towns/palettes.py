@@ -15,6 +15,15 @@ _IRON = ("#5a5552",)
 _PAINT = ("#dcdcd6",)
 _SIGN = {"red": ("#b3201f",), "white": ("#e6e6e2",), "blue": ("#1f4f93",), "black": ("#161616",)}
 
+TREES: tuple[dict[str, tuple[str, ...]], ...] = (
+    {},  # lime, plane
+    {"leaves": ("#3a4d36", "#41533b", "#384a3c")},  # spruce
+    {"leaves": ("#55663a", "#5c6a3c")},  # poplar
+    {"leaves": ("#66743f", "#6d7846"), "bark": ("#c4beb2", "#b8b2a6")},  # birch
+    {"leaves": ("#44573f", "#4b5a40"), "bark": ("#7a5642", "#6f5140")},  # pine
+)
+"""Palettes of species that differ from that of `tree`, by the species' number."""
+
 PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "ground": {"ground": ("#6f7466",)},
     "road": {
@@ -66,6 +75,8 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
         "bark": ("#5b4a3b", "#665546", "#4f443a"),
         "leaves": _LEAVES,
         "pit": ("#4d4339",),
+        "grate": ("#3f4243",),
+        "stake": ("#8a7254",),
     },
     "bush": {"leaves": _LEAVES},
     "hedge": {"leaves": ("#4a5b3a", "#51623c", "#566640")},
@@ -73,6 +84,7 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
         "pot": ("#9a958c", "#b3a893", "#7f7a73"),
         "soil": ("#3f352b",),
         "leaves": _LEAVES,
+        "flowers": ("#b8433a", "#c9a43f", "#a8568a", "#d5cfc4", "#c26a3a"),
     },
     "house": {
         "wall": ("#8d6c5f", "#9c8270", "#c4beb0", "#d4d1c9", "#b6bbbc", "#a8ada2", "#c0b298", "#939ba2"),

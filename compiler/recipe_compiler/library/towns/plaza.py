@@ -77,7 +77,7 @@ def _corner(site: Site, block: Block, trees: int) -> None:
     for n in range(4):
         if site.chance(trees / 100, "green", block.name, str(n)):
             at = Pose(x=block.middle.x + 9.0 * (n % 2) - 4.5, y=block.middle.y + 9.0 * (n // 2) - 4.5, z=KERB)
-            site.tree(f"tree.{block.name}.{n}", at, 9.0, (0, 2))
+            site.tree(f"tree.{block.name}.{n}", at, 9.0, (0, 2, 3))
 
 
 def _square(site: Site, half: tuple[float, float], trees: int) -> None:

@@ -58,7 +58,7 @@ def row(site: Site, block: Block, yaw: int, manner: Manner) -> Pose | None:
     if not gap:
         return None
     yard = beside(front, 0.0, shift)
-    site.tree(f"tree.{name}.yard", beside(yard, -4.0, site.stream("yard", name).uniform(-2.5, 2.5)), 8.0)
+    site.tree(f"tree.{name}.yard", beside(yard, -4.0, site.stream("yard", name).uniform(-2.5, 2.5)), 8.0, (0, 3))
     return yard
 
 

@@ -58,15 +58,18 @@ class Site:
             name: its unique name.
             pose: its position; the yaw is drawn.
             tallest: the upper limit of its height, metres.
-            species: the species to draw from; repeated entries have a higher probability.
+            species: the species to draw from: 0 lime, 1 spruce, 2 poplar, 3 birch, 4 pine; repeated entries have a
+                higher probability.
         """
         stream = self.stream(name)
-        height = stream.uniform(0.75, 1.0) * tallest
+        height = stream.uniform(0.6, 1.0) * tallest
         kind = stream.choice(species)
-        radius = height * stream.uniform(0.24, 0.3) * (1.0, 0.75, 0.55)[kind]
+        radius = height * stream.uniform(0.26, 0.31) * (1.0, 0.75, 0.55, 0.85, 0.9)[kind]
         turned = Pose(x=pose.x, y=pose.y, z=pose.z, yaw=stream.uniform(0, 360))
         size = (2 * radius, 2 * radius, height)
         self.add(name, "tree", turned, size, trunk=0.07 + 0.012 * height, key=stream.integer(0, 1 << 20), species=kind)
+        own = palettes.TREES[kind]
+        self.looks[name] |= {slot: self.stream(name, "look", slot).choice(own[slot]) for slot in sorted(own)}
 
     def keyed(self, name: str, kind: str, pose: Pose, size: Size, **shape: float) -> None:
         """Add an element with a drawn parameter `key`, which selects a variation of its mesh."""

@@ -69,7 +69,7 @@ def _verge(site: Site, block: Block, yaw: int, trees: int) -> None:
     for n in range(count):
         if yaw in (0, 180) and site.chance(0.6 * trees / 100, "street tree", name, str(n)):
             at = -half + 2 * half * (n + 0.5) / count
-            site.tree(f"tree.{name}.street.{n}", beside(kerb, -1.2, at), 8.5)
+            site.tree(f"tree.{name}.street.{n}", beside(kerb, -1.2, at), 8.5, (0, 0, 3))
 
 
 def _lots(site: Site, block: Block, yaw: int, lot: int, trees: int) -> None:
@@ -168,7 +168,7 @@ def _garden(
     spots = ((-(setback - 3.4), min(left, wide / 2 - 1.5)), (-(setback + deep + 5.5), stream.uniform(-4.0, 4.0)))
     for n, (out, at) in enumerate(spots):
         if site.chance(trees / 100, "tree", name, str(n)):
-            site.tree(f"tree.{name}.{n}", beside(kerb, out, at), 9.0 if n else 6.0, (0, 0, 1))
+            site.tree(f"tree.{name}.{n}", beside(kerb, out, at), 9.0 if n else 6.0, (0, 0, 1, 3, 4))
     for n in range(2):
         size = stream.uniform(0.9, 1.3)
         at = wide / 2 - 1.2 - 1.5 * n
@@ -182,7 +182,7 @@ def _grove(site: Site, block: Block, trees: int) -> None:
     for n in range(6):
         if site.chance(trees / 100, "grove", block.name, str(n)):
             at = Pose(x=block.middle.x + 9.0 * (n % 3 - 1), y=block.middle.y + 8.0 * (n // 3) - 4.0, z=KERB)
-            site.tree(f"tree.{block.name}.grove.{n}", at, 10.0, (0, 1, 2))
+            site.tree(f"tree.{block.name}.grove.{n}", at, 10.0, (0, 1, 2, 3, 4))
 
 
 def _wood(site: Site, middle: tuple[float, float], near: tuple[float, float]) -> None:
@@ -193,4 +193,4 @@ def _wood(site: Site, middle: tuple[float, float], near: tuple[float, float]) ->
         side = n % 4
         x, y = (along * near[0], near[1] + out) if side % 2 else (near[0] + out, along * near[1])
         sign = 1 if side < 2 else -1
-        site.tree(f"tree.wood.{n}", Pose(x=middle[0] + sign * x, y=middle[1] + sign * y), 14.0, (0, 0, 1, 2))
+        site.tree(f"tree.wood.{n}", Pose(x=middle[0] + sign * x, y=middle[1] + sign * y), 14.0, (0, 0, 1, 2, 3, 4))

@@ -23,6 +23,8 @@ from recipe_runtime.render.texture.images import ImageAtlas, SurfaceColours, ima
 wp.set_module_options(OPTIONS)
 
 MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the maximum of `soft`
+LEAF_DEPTH = wp.constant(wp.float32(0.45))  # metres: leaves that are nearer to a leaf do not take its sunlight
+LEAF_TINT = wp.constant(wp.vec3f(0.85, 1.12, 0.36))  # of light through a leaf, relative to what it reflects
 LEVEL = wp.constant(wp.float32(0.95))  # surfaces whose normal has at least this z hold water
 MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this form no puddle
 
@@ -37,6 +39,7 @@ class Material:
     gloss: wp.float32  # 1: mirror, 0: matt
     normal: wp.vec3f
     soft: wp.float32  # wrap lighting: leaves, cloth, skin
+    through: wp.float32  # share of sunlight on the back that shines through: leaves
     street: wp.float32  # 1: reflects the houses across the street below the sky
 
 
@@ -223,6 +226,7 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
         pattern == Pattern.BRICK
         or pattern == Pattern.PLASTER
         or pattern == Pattern.BARK
+        or pattern == Pattern.BIRCH_BARK
         or pattern == Pattern.CLOTH
         or pattern == Pattern.STONE
         or pattern == Pattern.WOOD
@@ -294,6 +298,7 @@ def dry_material(
     m = material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
     if lit > 0.0 and is_vehicle_lamp(pattern):
         m.glow = first * (lamp_radiance(air, pattern) * maximum(detail[0], 0.3))
+    m.through = wp.where(pattern == Pattern.FOLIAGE, 1.0, 0.0)
     return m
 
 
@@ -324,6 +329,13 @@ def weathered_material(
         m.albedo = moving.albedo
         m.normal = moving.normal
     return m
+
+
+@wp.func
+def light_through(air: wp.array[Air], m: Material, to_sun: wp.float32, back: wp.vec3f) -> wp.vec3f:
+    """Return the light of the sun behind a leaf, as light on its front; leaves scatter most of it forwards."""
+    ahead = clamp01(0.5 - 0.5 * dot(back, air[0].sun))
+    return multiply(air[0].sunlight, LEAF_TINT) * (-to_sun * m.through * (0.35 + 0.75 * ahead * ahead))
 
 
 @wp.func

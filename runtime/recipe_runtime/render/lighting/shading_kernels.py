@@ -7,15 +7,18 @@ sky. Radiance is linear and relative (see `Air`).
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
+from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, fog_veil, reflected_sky, sky, transmittance
 from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
+    LEAF_DEPTH,
     LEVEL,
     MAX_SOFTNESS,
     Material,
     dry_material,
     fresnel,
+    light_through,
     patched_material,
     specular,
     weathered_material,
@@ -66,6 +69,7 @@ def is_light_unchanged(
     body_lists: wp.array2d[wp.int32],
     reuse_class: wp.uint8,
     tile: wp.int32,
+    pattern: wp.int32,
     p: wp.vec3f,
     n: wp.vec3f,
 ) -> bool:
@@ -82,7 +86,8 @@ def is_light_unchanged(
             return False
     if air[0].glow_share > 0.0 and (bits & 4) == 0:
         return False
-    if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or dot(n, air[0].sun) <= -MAX_SOFTNESS:
+    away = dot(n, air[0].sun) <= -MAX_SOFTNESS and pattern != Pattern.FOLIAGE  # (the sun shines through leaves)
+    if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or away:
         return True
     return moving_shadow(beams, p, n) == 1.0
 
@@ -128,9 +133,11 @@ def add_sun(air: wp.array[Air], beams: wp.array[Sunbeam], m: Material, p: wp.vec
     left = wp.float32(0.0)
     past = wp.float32(1.0)
     mirroring = wp.float32(0.0)
-    if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
-        reached = sun_share(beams, p, m.normal)
+    if (to_sun > -m.soft or m.through > 0.0) and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
+        reached = sun_share(beams, p + air[0].sun * (LEAF_DEPTH * m.through), m.normal)
         past = reached[1]
+        if m.through > 0.0 and to_sun < 0.0:
+            light = light + light_through(air, m, to_sun, back) * reached[0]
         left = reached[0] * clamp01((to_sun + m.soft) / (1.0 + m.soft))
         if m.coat > 0.0 and reached[0] > 0.0 and to_sun > 0.0:
             bright = specular(m.gloss, m.normal, air[0].sun, back)
@@ -382,7 +389,7 @@ def shade_samples(
         and phase < 0
         and dot(n, to_point) <= 0.0
         and is_light_unchanged(
-            previous, air, beams, lamps, bodies, lamp_lists, body_lists, out_reuse_class[i], tile, p, n
+            previous, air, beams, lamps, bodies, lamp_lists, body_lists, out_reuse_class[i], tile, pattern, p, n
         )
     ):
         return

@@ -98,26 +98,6 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 
 @wp.func
-def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Grass: large-scale colour variation, tufts, and single blades at close range."""
-    field = noise2(p[0] * 0.13, p[1] * 0.13, seeds.GRASS_FIELD) - 0.5
-    d.tone = 0.95 + 0.25 * field
-    d.second = clamp01(0.3 + 0.5 * field)
-    near = fade(0.5, foot)
-    if near > 0.0:
-        tuft = noise2(p[0] * 2.3, p[1] * 2.3, seeds.GRASS_TUFT) - 0.5
-        d.tone = d.tone + 0.22 * tuft * near
-        d.second = clamp01(d.second + 0.35 * tuft * near)
-    near = fade(0.09, foot)
-    if near > 0.0:
-        d.tone = d.tone + 0.45 * near * (noise2(p[0] * 13.0, p[1] * 13.0, seeds.GRASS_BLADE) - 0.5)
-    near = fade(0.025, foot)
-    if near > 0.0:
-        d.tone = d.tone + 0.8 * near * (noise2(p[0] * 70.0, p[1] * 44.0, seeds.GRASS_BLADE_FINE) - 0.5)
-    return d
-
-
-@wp.func
 def ripples(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
     """The surface of a basin, tilted by small waves."""
     near = fade(0.3, foot) * 0.09

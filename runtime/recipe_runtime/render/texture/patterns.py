@@ -10,48 +10,17 @@ prevents aliasing at a distance.
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric import seeds
-from recipe_runtime.render.numeric.noise import noise2, noise3
-from recipe_runtime.render.numeric.scalars import clamp01, maximum
-from recipe_runtime.render.numeric.vectors import normalize
+from recipe_runtime.render.numeric.noise import noise2
+from recipe_runtime.render.numeric.scalars import clamp01
 from recipe_runtime.render.texture.detail import Detail, fade
-from recipe_runtime.render.texture.ground import asphalt, blades, ripples, road_paint, slabs
+from recipe_runtime.render.texture.green import is_plant, plant
+from recipe_runtime.render.texture.ground import asphalt, ripples, road_paint, slabs
 from recipe_runtime.render.texture.lettering import letter, poster
 from recipe_runtime.render.texture.vehicle import bodywork, cabin, is_lamp, number_plate, reflector
 from recipe_runtime.render.texture.wall import boards, bricks, planks, roof_tiles, stones, wall
 from recipe_runtime.render.texture.window import curtain_wall, facade, shop_window, window
 
 wp.set_module_options(OPTIONS)
-
-
-@wp.func
-def hole(t: wp.float32) -> wp.float32:
-    """Return 1 in the gaps between leaves, where noise in [-0.5, 0.5) is lowest."""
-    return clamp01(-0.6 - 7.0 * t)
-
-
-@wp.func
-def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Leaves of a tree: dark gaps, boughs of different green, and less sky light inside and below."""
-    bough = (noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, seeds.LEAF_BOUGH) - 0.5) * fade(1.5, foot)
-    twig = noise3(p[0] * 6.3, p[1] * 6.3, p[2] * 7.1, seeds.LEAF_TWIG) - 0.5
-    near = fade(0.22, foot)
-    tone = 1.04 + 0.35 * bough + 0.5 * twig * near
-    lean = 0.5 * near
-    d.normal = normalize(d.normal + wp.vec3f(twig * lean, bough * lean, -0.5 * twig * lean))
-    near = fade(0.07, foot)
-    if near > 0.0:
-        leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, seeds.LEAF) - 0.5
-        tone = tone + (0.95 * leaf - 0.3 * hole(leaf + 0.3 * twig)) * near
-        d.normal = normalize(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
-        close = fade(0.03, foot)
-        if close > 0.0:
-            edge = noise3(p[0] * 61.0, p[1] * 61.0, p[2] * 67.0, seeds.LEAF_EDGE) - 0.5
-            tone = tone + (0.75 * edge - 0.35 * hole(edge + 0.4 * leaf)) * close
-            d.normal = normalize(d.normal + wp.vec3f(0.7 * edge * close, 0.6 * edge * close, -0.5 * edge * close))
-    d.tone = maximum(tone, 0.2) * (0.34 + 0.66 * uv[1])
-    d.second = clamp01(0.35 + 1.4 * bough + 0.9 * twig * near)
-    return d
 
 
 @wp.func
@@ -68,9 +37,6 @@ def plain_tone(pattern: wp.int32, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, s
     tone = wp.float32(1.0)
     if pattern == Pattern.NICHE:
         tone = 1.0 - 0.62 * clamp01(uv[1])
-    elif pattern == Pattern.BARK:
-        rib = noise3(p[0] * 16.0, p[1] * 16.0, p[2] * 3.0, seeds.BARK_RIB) - 0.5
-        tone = 1.0 + 0.7 * rib * fade(0.06, foot)
     elif pattern == Pattern.CLOTH:
         fold = noise2(uv[0] * 5.0, uv[1] * 5.0, surface) - 0.5
         tone = 1.0 + 0.22 * fold
@@ -112,10 +78,8 @@ def detail_of(
         return wall(d, uv, p, foot, 0.10)
     elif pattern == Pattern.CONCRETE:
         return concrete(d, uv, p, foot)
-    elif pattern == Pattern.FOLIAGE:
-        return crown(d, uv, p, foot)
-    elif pattern == Pattern.GRASS:
-        return blades(d, p, foot)
+    elif is_plant(pattern):
+        return plant(d, pattern, uv, p, foot)
     elif pattern == Pattern.WINDOW:
         return window(d, uv, sight, foot)
     elif pattern == Pattern.ROOF:

@@ -26,7 +26,7 @@ _FALLBACK = {
     Pattern.CABIN: "#20262a", Pattern.NUMBER_PLATE: "#d9d7cf", Pattern.LENS: "#a9b3ba",
     Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6", Pattern.STONE: "#a8a196",
     Pattern.WOOD: "#7a5a3e", Pattern.WATER: "#4a6468", Pattern.NICHE: "#b0aaa0", Pattern.CURTAIN_WALL: "#56646c",
-    Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c",
+    Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c", Pattern.BIRCH_BARK: "#c9c4b8",
     Pattern.IMAGE: "#909090", Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660", Pattern.SIGNAL: "#ff3b2a",
 }  # fmt: skip
 _PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)
@@ -78,7 +78,9 @@ def _second(key: SurfaceKey, first: Any) -> Any:
         return np.array([0.05, 0.048, 0.045])
     if key.pattern == Pattern.LETTER:
         return np.array([0.03, 0.03, 0.03]) if float(first[1]) > 0.25 else np.array([0.75, 0.71, 0.6])
-    if key.pattern in (Pattern.FOLIAGE, Pattern.GRASS):
+    if key.pattern == Pattern.FOLIAGE:
+        return first * np.array([1.35, 1.35, 0.8])
+    if key.pattern == Pattern.GRASS:
         return first * np.array([1.6, 1.35, 0.85])
     if key.pattern == Pattern.ROAD_PAINT:
         return np.array([0.07, 0.07, 0.072])
