@@ -36,7 +36,7 @@ class _Family:
 
 _BRICK = _Family(surface("wall", Pattern.BRICK), 0.44, 0.85, 1.7, 0.2, hood=True)
 _PLASTER = _Family(surface("wall", Pattern.PLASTER), 0.40, 0.75, 1.85, 0.2, surround=True)
-_CONCRETE = _Family(surface("wall", Pattern.CONCRETE), 0.82, 0.8, 1.75, 0.28, band=True)
+_CONCRETE = _Family(surface("wall", Pattern.PANELS), 0.82, 0.8, 1.75, 0.28, band=True)
 _BALCONIED = _Family(surface("wall", Pattern.PLASTER), 0.5, 0.6, 1.95, 0.22, balconies=True)
 _GLASS = _Family(surface("trim", Pattern.CONCRETE), 1.0, 0.0, 3.0, 0.0)
 _STONE = _Family(surface("wall", Pattern.STONE), 0.42, 0.8, 1.85, 0.26, hood=True, surround=True, courses=True)
