@@ -98,7 +98,7 @@ def lanes(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     oil = 0.138 + near * (middle * middle - 0.138)
     d.wear = wheel * (0.4 + 0.6 * run)
     d.tone = d.tone * (1.0 - 0.17 * d.wear) - 0.16 * oil * run
-    near = fade(0.4, foot)
+    near = fade(0.12, foot)
     if near > 0.0:
         drip = noise2(uv[0] * 1.9, uv[1] * 11.0, seeds.LANE_DRIP)
         d.tone = d.tone - near * (0.5 * middle * clamp01(5.0 * drip - 4.0) + 0.07 * wheel * (drip - 0.5))
@@ -122,7 +122,7 @@ def road_paint(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
 def soil(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Add what a pavement collects: stains, and spots of gum."""
     d.tone = d.tone + 0.18 * (noise2(p[0] * 0.7, p[1] * 0.7, seeds.SLAB_STAIN) - 0.5)
-    near = fade(0.3, foot)
+    near = fade(0.12, foot)
     if near > 0.0:
         spill = noise2(p[0] * 2.3, p[1] * 2.3, seeds.SLAB_SPILL)
         d.tone = d.tone - 0.3 * near * clamp01(4.0 * spill - 3.0)
@@ -150,7 +150,7 @@ def paving(
     t = tiles(uv, size[0], size[1], gap, bond, foot)
     d.second = t[0] * 0.75
     d.tone = 1.0 + 0.3 * (t[1] - 0.5) * t[2]
-    near = fade(size[1], foot)
+    near = fade(0.5 * size[1], foot)
     if near > 0.0:
         v = uv[1] / size[1]
         u = uv[0] / size[0] + bond * wp.float32(floor(v) & 1)

@@ -22,7 +22,7 @@ def apply_stains(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
         if near > 0.0:
             run = noise2(uv[0] * 2.7, uv[1] * 0.28, seeds.WALL_RUN) - 0.5
             dirt = dirt * (1.0 + 0.9 * run * near) + 0.16 * near * run
-            near = fade(0.16, foot)
+            near = fade(0.07, foot)
             if near > 0.0:
                 streak = noise2(uv[0] * 9.0, uv[1] * 0.5, seeds.WALL_STREAK)
                 splash = noise2(uv[0] * 7.0, uv[1] * 7.0, seeds.WALL_SPLASH) - 0.5
@@ -48,15 +48,12 @@ def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float
     """Plaster or concrete: streaks, fine grain and roughness; `parameter` is the footprint, for ground of concrete."""
     stain = noise2((p[0] + p[1]) * 0.6, p[2] * 0.17, seeds.WALL_STAIN) - 0.5
     d.tone = 1.0 + 0.2 * stain
-    near = fade(0.3, foot)
+    near = fade(0.08, foot)
     if near > 0.0:
         blotch = noise2(uv[0] * 1.6, uv[1] * 1.6, seeds.WALL_BLOTCH) - 0.5
-        d.tone = d.tone + 0.1 * blotch * near
-        near = fade(0.08, foot)
-        if near > 0.0:
-            fine = noise2(uv[0] * 14.0, uv[1] * 14.0, seeds.WALL_GRAIN) - 0.5
-            d.tone = d.tone + grain * fine * near
-            d = roughen(d, uv, 55.0, 0.2, foot)
+        fine = noise2(uv[0] * 14.0, uv[1] * 14.0, seeds.WALL_GRAIN) - 0.5
+        d.tone = d.tone + (0.1 * blotch + grain * fine) * near
+        d = roughen(d, uv, 55.0, 0.2, foot)
     d.parameter = foot
     return apply_stains(d, uv, foot)
 

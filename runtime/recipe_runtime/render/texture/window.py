@@ -74,8 +74,8 @@ def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32, spots: 
     if not spots and deep > 1.1:
         x = fu + ray[0] * 1.1 - 0.5
         y = fv + ray[1] * 1.1 - 0.8
-        if x * x + y * y < 0.012:
-            bright = 2.2
+        if x * x + y * y < 0.005:
+            bright = 2.0
         elif y > 0.0 and wp.abs(x) < 0.008:
             bright = 0.3
     return bright / (1.0 + 0.14 * deep)
@@ -84,7 +84,9 @@ def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32, spots: 
 @wp.func
 def bend(d: Detail, uv: wp.vec2f, near: wp.float32, pane: wp.uint32, lean: wp.float32) -> Detail:
     """Tilt a pane, because none is quite in its neighbours' plane, and bend it slightly."""
-    bow = 0.012 * near * (noise2(uv[0] * 3.0, uv[1] * 3.0, seeds.PANE_BOW) - 0.5)
+    bow = wp.float32(0.0)
+    if near == 1.0:  # at less than a quarter of the distance at which a room begins to show
+        bow = 0.012 * (noise2(uv[0] * 3.0, uv[1] * 3.0, seeds.PANE_BOW) - 0.5)
     a = lean * near * (unit(pane) - 0.5) + bow
     c = lean * near * (unit(pane * wp.uint32(747796405)) - 0.5) + bow
     d.normal = normalize(d.normal + wp.vec3f(a, c, bow))
