@@ -36,12 +36,15 @@ class _Family:
 
 _BRICK = _Family(surface("wall", Pattern.BRICK), 0.44, 0.85, 1.7, 0.2, hood=True)
 _PLASTER = _Family(surface("wall", Pattern.PLASTER), 0.40, 0.75, 1.85, 0.2, surround=True)
-_CONCRETE = _Family(surface("wall", Pattern.CONCRETE), 0.82, 0.8, 1.75, 0.28, band=True)
+_CONCRETE = _Family(surface("wall", Pattern.PANELS), 0.82, 0.8, 1.75, 0.28, band=True)
 _BALCONIED = _Family(surface("wall", Pattern.PLASTER), 0.5, 0.6, 1.95, 0.22, balconies=True)
 _GLASS = _Family(surface("trim", Pattern.CONCRETE), 1.0, 0.0, 3.0, 0.0)
 _STONE = _Family(surface("wall", Pattern.STONE), 0.42, 0.8, 1.85, 0.26, hood=True, surround=True, courses=True)
 _FAMILIES = (_BRICK, _PLASTER, _CONCRETE, _BALCONIED, _GLASS, _STONE)  # indexed by the parameter `style`
 
+_RUSTIC = surface("base", Pattern.STONE)
+_RUSTIC_NICHE = surface("base", Pattern.NICHE)
+_SHUTTER = surface("door", Pattern.CLAPBOARD)
 _NICHE = surface("wall", Pattern.NICHE)
 _TRIM = surface("trim", Pattern.PLASTER)
 _UNDER = surface("trim", Pattern.NICHE)
@@ -59,8 +62,10 @@ def building(b: Builder, e: Element) -> None:
     facades = front, left, right, back = around(depth, width, key)
     ends = [(left, bool(s["left"])), (right, bool(s["right"]))]
     free = [(front, int(s["bays"])), *((f, 3) for f, there in ends if there)]
+    rustic = family in (_PLASTER, _STONE, _BALCONIED) and noise(key, 36) > -0.2
+    around_doors = (_RUSTIC, _RUSTIC_NICHE) if rustic else (family.wall, _NICHE)
     for f, bays in free:
-        ground_floor(b, f, Ground.of(e, bays, family.wall, _NICHE), entrance=f is front)
+        ground_floor(b, f, Ground.of(e, bays, *around_doors), entrance=f is front)
         if family is _GLASS:
             _curtain(b, e, f, bays)
         else:
@@ -72,6 +77,10 @@ def building(b: Builder, e: Element) -> None:
     if family in (_BRICK, _PLASTER, _BALCONIED):
         u = 0.12 if noise(key, 33) > 0 else width - 0.24
         b.quads(_METAL, front.block((u, u + 0.12), (0.0, 0.13), (s["ground"], height - 0.4), top=False))  # a downpipe
+    if family in (_BRICK, _PLASTER) and noise(key, 37) > 0:  # stones at the corners
+        corners = [(f, u) for f, _ in free for u in (0.0, f.width - 0.5)]
+        quads = [q for f, u in corners for q in f.block((u, u + 0.5), (0.0, 0.03), (s["ground"], height), top=False)]
+        b.quads(surface("trim", Pattern.STONE), quads)
     top = Top(e.size, key, facades, tuple(f for f, _ in free), family.wall)
     if s.get("roof", 0):
         pitched_roof(b, top, 0.75 + 0.15 * noise(key, 31))
@@ -97,8 +106,21 @@ def _floors(b: Builder, e: Element, f: Facade, family: _Family, bays: int) -> No
     b.quads(_NICHE, *niches(f, holes, family.reveal, floor=False))
     b.quads(_WINDOW, [f.face(h.u0, h.u1, h.z0, h.z1, -family.reveal) for h in holes], pane_uv(names))
     b.quads(_TRIM, [q for h in holes for q in _stones(f, h, family)])
+    if family is _PLASTER and f.out == (1, 0) and noise(f.key >> 4, 38) > 0.1:
+        _shutters(b, f, holes, (1.0 - share) * width / 2)
     if family.balconies and f.out == (1, 0):  # no balconies over a neighbour's yard
         _balconies(b, f, bays, floors, ground, storey)
+
+
+def _shutters(b: Builder, f: Facade, holes: list[Hole], room: float) -> None:
+    """Add open shutters at both sides of windows, `room` metres wide at most."""
+    quads: list[Quad] = []
+    for h in holes:
+        wide = min(0.5 * (h.u1 - h.u0), room - 0.02)
+        for u in (h.u0 - wide, h.u1):
+            z = (h.z0 + 0.02, h.z1 - 0.02)
+            quads += [f.face(u, u + wide, *z, 0.05), f.side(u, (0.0, 0.05), z, -1), f.side(u + wide, (0.0, 0.05), z, 1)]
+    b.quads(_SHUTTER, quads)
 
 
 def _stones(f: Facade, h: Hole, family: _Family) -> list[Quad]:

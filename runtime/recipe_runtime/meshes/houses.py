@@ -13,7 +13,7 @@ from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pa
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.roofs import chimney, gable, hip
 
-EAVES = 0.45  # overhang of the roof beyond the walls, metres
+EAVES = 0.32  # overhang of the roof beyond the walls, without its gutters, metres
 PORCH = 1.6  # depth of a porch, metres
 
 
@@ -46,6 +46,8 @@ def house(b: Builder, e: Element) -> None:
     else:
         gable(b, size, pitch, EAVES, wall, along_y=along_y)
     chimney(b, size, pitch, key, along_y)
+    pipes = [(facade, u) for facade in (facades[0], facades[3]) for u in (0.1, facade.width - 0.19)]
+    b.quads(_TRIM, [q for f, u in pipes for q in f.block((u, u + 0.09), (0.05, 0.14), (0.0, height - 0.1), top=False)])
     if s["porch"]:
         _porch(b, facades[0], door, height if s["floors"] == 1 else s["storey"])
 

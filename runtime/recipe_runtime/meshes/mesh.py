@@ -47,6 +47,11 @@ class Pattern(IntEnum):
     SIGNAL = 40  # a lit signal lens: it emits light by day and by night
     IMAGE = 41  # an image texture, uv (0, 0) at its top-left corner; without a texture, the slot's colour
     BIRCH_BARK = 50  # white, with dark marks across
+    LANES = 42  # asphalt of lanes: u along in metres, floor(v) is the lane, fract(v) the position across it
+    SETTS = 43  # small paving stones, uv in metres
+    PLATES = 44  # paving of concrete plates, uv in metres
+    KERB = 45  # kerb stones, uv in metres along the kerb and upwards
+    PANELS = 46  # a wall of concrete panels, uv in metres
     BRAKELIGHT = 55  # uv as for `HEADLIGHT`
     INDICATOR = 56  # uv as for `HEADLIGHT`
     REVERSELIGHT = 57  # uv as for `HEADLIGHT`

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
 
-from recipe_runtime.meshes.builder import Builder, Vec, circle, level, noise
+from recipe_runtime.meshes.builder import Builder, Vec, circle, lattice, level, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.vectors import unit
 
 _ASPHALT = Surface("asphalt", Pattern.ASPHALT, Tag.ROADS)
+_LANES = Surface("asphalt", Pattern.LANES, Tag.ROADS)
 _PATCH = Surface("patch", Pattern.ASPHALT, Tag.ROADS)
 _TAR = Surface("tar", Pattern.PLAIN, Tag.ROADS)
 _IRON = Surface("iron", Pattern.METAL, Tag.ROADS)
 _PAINT = Surface("paint", Pattern.ROAD_PAINT, Tag.ROAD_LINES)
 _CENTRE = Surface("centre", Pattern.ROAD_PAINT, Tag.ROAD_LINES)
 _SLABS = Surface("slabs", Pattern.SLABS, Tag.SIDEWALKS)
-_KERB = Surface("kerb", Pattern.CONCRETE, Tag.SIDEWALKS)
+_SETTS = Surface("kerb", Pattern.SETTS, Tag.SIDEWALKS)
+_PLATES = Surface("slabs", Pattern.PLATES, Tag.SIDEWALKS)
+_KERB = Surface("kerb", Pattern.KERB, Tag.SIDEWALKS)
 _YARD = Surface("yard", Pattern.GRASS, Tag.TERRAIN)
 _PAVING = Surface("paving", Pattern.STONE, Tag.SIDEWALKS)
-_BAND = Surface("slabs", Pattern.STONE, Tag.SIDEWALKS)
+_BAND = Surface("slabs", Pattern.SETTS, Tag.SIDEWALKS)
 _VERGE = Surface("verge", Pattern.GRASS, Tag.TERRAIN)
 _PATH = Surface("path", Pattern.ASPHALT, Tag.SIDEWALKS)
 _DRIVE = Surface("path", Pattern.CONCRETE, Tag.SIDEWALKS)
@@ -51,7 +56,7 @@ def road(b: Builder, e: Element) -> None:
     s, half, side = e.shape, length / 2, width / 2
     a, c = -half + s["stop_a"], half - s["stop_b"]
     lane, bay = side - s["bay"], s["bay"]
-    _asphalt(b, half, side, int(s["key"]))
+    _asphalt(b, half, side, lane, int(s["key"]))
     _dashes(b, a + (4.6 if s["stop_a"] else 0.8), c - (4.6 if s["stop_b"] else 0.8))
     if not bay:
         b.quads(_PAINT, [level(a, c, y - 0.05, y + 0.05, _MARK) for y in (-side + 0.25, side - 0.25)])
@@ -101,11 +106,25 @@ def _bays(b: Builder, e: Element, lane: float, side: float) -> None:
         b.quads(_PAINT, [edge, *cross])
 
 
-def _asphalt(b: Builder, half: float, side: float, key: int) -> None:
+def _strip(b: Builder, half: float, lanes: tuple[float, float, int], edges: tuple[float, float], step: float) -> None:
+    """Add asphalt along x between two values of y, in pieces of about `step` metres.
+
+    `lanes` are y of the first and the last lane's outer edges and the number of lanes; beside them, wheels leave no
+    tracks.
+    """
+    low, high, count = lanes
+    pieces = max(1, int(2 * half / step))
+    xs = [-half + 2 * half * k / pieces for k in range(pieces + 1)]
+    corner = [[(a, 0), (c, 0), (c, count), (a, count)] for a, c in pairwise(xs)]
+    b.quads(_LANES, [level(a, c, low, high, 0.0) for a, c in pairwise(xs)], np.array(corner, np.float64))
+    for y0, y1 in ((edges[0], low), (high, edges[1])):
+        if y1 - y0 > 1e-6:
+            b.quads(_ASPHALT, [level(a, c, y0, y1, 0.0) for a, c in pairwise(xs)])
+
+
+def _asphalt(b: Builder, half: float, side: float, lane: float, key: int) -> None:
     """Add the asphalt with its signs of wear: patches, tarred cracks and manholes."""
-    pieces = max(1, int(half / 5))
-    step = 2 * half / pieces
-    b.quads(_ASPHALT, [level(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
+    _strip(b, half, (-lane, lane, 2), (-side, side), 20.0)
     for k in range(int(half / 10)):
         x, y = 0.86 * half * noise(key, 10 * k), (side - 1.1) * noise(key, 10 * k + 1)
         long, wide = 1.6 + 1.2 * noise(key, 10 * k + 2), 0.8 + 0.4 * noise(key, 10 * k + 3)
@@ -173,11 +192,7 @@ def carriageway(b: Builder, e: Element) -> None:
 
 def _asphalt_strips(b: Builder, half: float, side: float, right: float, lanes: int, lane: float, key: int) -> None:
     """Add the surface of a motorway: darker wheel tracks, a rougher shoulder, joints and repaired sections."""
-    pieces = max(1, int(half / 6))
-    step = 2 * half / pieces
-    b.quads(_ASPHALT, [level(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
-    tracks = [right + (n + 0.5) * lane + w for n in range(lanes) for w in (-0.8, 0.8)]
-    b.quads(_PATCH, [level(-half, half, y - 0.28, y + 0.28, _MEND) for y in tracks])
+    _strip(b, half, (right, right + lanes * lane, lanes), (-side, side), 12.0)
     b.quads(_TAR, [level(-half, -half + 0.05, -side, side, _MEND)])
     for k in range(2):
         n, x = int((0.5 + 0.5 * noise(key, k)) * lanes), 0.7 * half * noise(key, 10 + k)
@@ -236,29 +251,38 @@ def sidewalk(b: Builder, e: Element) -> None:
     """
     x, y, top = e.size
     radius, walk, verge, kerb = e.shape["radius"], e.shape["walk"], e.shape["verge"], 0.18
-    outer, stone = outline(x, y, radius, 0.0), outline(x, y, radius, kerb)
-    rounded = 0.025
-    b.grid(
-        _KERB,
-        [
-            [(px, py, -0.02) for px, py in outer],
-            [(px, py, top - rounded) for px, py in outer],
-            [(px, py, top) for px, py in outline(x, y, radius, rounded)],
-            [(px, py, top) for px, py in stone],
-        ],
-        crease=0.6,
-    )
+    stone = outline(x, y, radius, kerb)
+    _kerb(b, [outline(x, y, radius, inset) for inset in (0.0, 0.025, kerb)], top)
     edge = stone
     if verge:
         edge = _drawn_in(stone, x / 2 - verge, y / 2 - verge)
         b.grid(_VERGE, [[(px, py, top) for px, py in ring] for ring in (stone, edge)], crease=0.6)
         _ramps(b, (x / 2, y / 2), kerb, verge, walk, top)
     ix, iy = x / 2 - walk - 0.5, y / 2 - walk - 0.5
-    b.grid(_SLABS, [[(px, py, top) for px, py in ring] for ring in (edge, _drawn_in(edge, ix, iy))], crease=0.6)
+    if not verge:  # a strip of small stones behind the kerb
+        inner = outline(x, y, radius, kerb + 0.3)
+        b.grid(_SETTS, [[(px, py, top) for px, py in ring] for ring in (edge, inner)], crease=0.6)
+        edge = inner
+    kind = _PLATES if verge else _SLABS
+    b.grid(kind, [[(px, py, top) for px, py in ring] for ring in (edge, _drawn_in(edge, ix, iy))], crease=0.6)
     if e.shape["paved"]:
         _square(b, ix, iy, top)
     else:
         b.quads(_YARD, [level(-ix, ix, -iy, iy, top)])
+
+
+def _kerb(b: Builder, rings: list[list[tuple[float, float]]], top: float) -> None:
+    """Add kerb stones along the outer ring, with a rounded edge up to the second ring and a top up to the third."""
+    outer, edge, inner = (np.array([(*point, 0.0) for point in (*ring, ring[0])]) for ring in rings)
+    steps = outer[1:] - outer[:-1]
+    along = np.concatenate([[0.0], np.cumsum(np.sqrt(steps[:, 0] * steps[:, 0] + steps[:, 1] * steps[:, 1]))])
+    out, up = unit(outer - inner), np.array([0.0, 0.0, 1.0])
+    profile = ((outer, -0.02, 1.0, 0.0), (outer, top - 0.025, 1.0, 0.4), (edge, top, 0.4, 1.0), (inner, top, 0.0, 1.0))
+    points = np.stack([ring + z * up for ring, z, _, _ in profile])
+    normals = unit(np.stack([side * out + rise * up for _, _, side, rise in profile]))
+    uvs = np.stack([np.stack([along, np.full(len(outer), z)], axis=1) for _, z, _, _ in profile])
+    triangles = np.array(lattice(4, len(outer), False))
+    b.add(_KERB, points.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), triangles)
 
 
 def _drawn_in(ring: list[tuple[float, float]], x: float, y: float) -> list[tuple[float, float]]:

@@ -73,12 +73,24 @@ def gable(
         below = [*(at(*place, low) for place in foot), *(at(*place, top) for place in ridge)][::-1]
         b.quads(_SOFFIT, [below], np.array([[(0, 1), (0, 1), (0, 0.3), (0, 0.3)]]))
         b.quads(_EDGE, [[at(*foot[0], low), at(*foot[1], low), at(*foot[1], low + t), at(*foot[0], low + t)]])
+        _gutter(b, [at(outer + s * d, x, low + z) for x in (-reach, reach) for d, z in _CHANNEL], s)
         for a, c in ((foot[1], ridge[0]), (ridge[1], foot[0])):
             za, zc = (low, top) if a in foot else (top, low)
             b.quads(_EDGE, [[at(*a, za), at(*c, zc), at(*c, zc + t), at(*a, za + t)]])
         end = s * length
         triangle = [at(-s * -half, end, height), at(-s * half, end, height), at(0.0, end, top)]
         b.fan(wall, triangle)
+
+
+_CHANNEL = ((0.0, 0.02), (0.03, -0.05), (0.1, -0.05), (0.13, 0.06))  # outwards and up, metres
+
+
+def _gutter(b: Builder, ends: list[Vec], sign: int) -> None:
+    """Add a gutter between two ends of four points each, seen from outside and from above."""
+    quads = [[ends[k], ends[4 + k], ends[5 + k], ends[1 + k]] for k in range(3)]
+    outside = quads if sign > 0 else [q[::-1] for q in quads]
+    b.quads(_EDGE, outside)
+    b.quads(_EDGE, [q[::-1] for q in outside])
 
 
 def hip(b: Builder, size: Size, pitch: float, eaves: float) -> None:
@@ -97,6 +109,8 @@ def hip(b: Builder, size: Size, pitch: float, eaves: float) -> None:
             corners.append((qx, qy, top + t))
         slope(b, _TILES, corners)
         b.quads(_EDGE, [[(ax, ay, low), (cx, cy, low), (cx, cy, low + t), (ax, ay, low + t)]])
+        ox, oy = (cy - ay) / abs(cx - ax + cy - ay), (ax - cx) / abs(cx - ax + cy - ay)
+        _gutter(b, [(x + d * ox, y + d * oy, low + z) for x, y in ((ax, ay), (cx, cy)) for d, z in _CHANNEL], 1)
     soffit = [(fx, fy, low) for fx, fy in feet[::-1]]
     b.quads(_SOFFIT, [soffit], np.array([[(0, 1)] * 4]))
 

@@ -23,7 +23,7 @@ _SIGN = surface("sign", Pattern.PLAIN)
 _LETTERS = surface("sign", Pattern.LETTER)
 _AWNING = surface("awning", Pattern.CLOTH)
 _UNDER = surface("awning", Pattern.NICHE)
-_DOOR = surface("door", Pattern.PLAIN)
+_DOOR = surface("door", Pattern.WOOD)
 _STEP = surface("base", Pattern.CONCRETE)
 _DEEP = 0.3  # depth of the recesses of shop windows and doors, metres
 
@@ -79,6 +79,8 @@ def _entrance(b: Builder, f: Facade, g: Ground, h: Hole, name: int) -> None:
     top = 2.25
     b.quads(g.niche, *niches(f, [h], _DEEP, floor=False))
     b.quads(_DOOR, [f.face(h.u0, h.u1, 0.0, top, -_DEEP)])
+    lamp = (h.u1 + 0.34, h.u1 + 0.46)  # beside the door
+    b.quads(_FRAME, f.block(lamp, (0.0, 0.12), (1.95, 2.2)))
     middle, inner = (h.u0 + h.u1) / 2, (h.u1 - h.u0) / 2 - 0.16
     panel = [f.face(middle - inner, middle + inner, 1.0, top - 0.18, -_DEEP + 0.02)]
     b.quads(_SHOP if g.shop else _DOOR, panel, pane_uv([(f.key + name, 2)]) if g.shop else None)

@@ -36,6 +36,7 @@ UNITS = {
     Pattern.SHOP_WINDOW: 2.5,
     Pattern.POSTER: 4.0,
     Pattern.FACADE: 3.2,
+    Pattern.LANES: 3.5,
     Pattern.FOLIAGE: 1.0e6,  # its uv are fractions of the sky
 }
 EVEN = {Pattern.PLAIN, Pattern.METAL, Pattern.SKIN, Pattern.RUBBER, Pattern.GLASS, Pattern.LAMP}

@@ -6,6 +6,7 @@ from recipe_compiler.ir.streams import Stream
 _BRICK_TO_PLASTER = (
     "#86665a", "#957868", "#77625a", "#a38f7c", "#c2b8a6", "#d2cbbe", "#b7b4ac", "#a8a49e",
     "#b8a892", "#918a82", "#c8bca8", "#8f9396", "#b3a6a4", "#a39e8c", "#8a6f62", "#d8d4cb",
+    "#b7ab92", "#a3a79a", "#a0a8ac", "#a8948a", "#b5a69e", "#775c53", "#bdb6a5", "#716d69",
 )  # fmt: skip
 _LEAVES = ("#51603a", "#586840", "#4b5a38", "#616b44", "#686c48")
 _ASPHALTS = ("#626366", "#5d5e61", "#686867")

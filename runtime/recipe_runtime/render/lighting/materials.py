@@ -9,6 +9,7 @@ flat ground.
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import SWAY_STEPS, Air
+from recipe_runtime.render.atmosphere.rooms import curtain_colour, goods_colour, window_glow
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.temporal_kernels import MAX_LEAF_DISTANCE, last_leaf_step
 from recipe_runtime.render.numeric import seeds
@@ -26,6 +27,7 @@ MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the maximum of `soft`
 LEAF_DEPTH = wp.constant(wp.float32(0.45))  # metres: leaves that are nearer to a leaf do not take its sunlight
 LEAF_TINT = wp.constant(wp.vec3f(0.85, 1.12, 0.36))  # of light through a leaf, relative to what it reflects
 LEVEL = wp.constant(wp.float32(0.95))  # surfaces whose normal has at least this z hold water
+PAVED = wp.constant(wp.float32(0.7))  # stone and concrete whose normal has at least this z is ground, not wall
 MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this form no puddle
 
 
@@ -41,17 +43,6 @@ class Material:
     soft: wp.float32  # wrap lighting: leaves, cloth, skin
     through: wp.float32  # share of sunlight on the back that shines through: leaves
     street: wp.float32  # 1: reflects the houses across the street below the sky
-
-
-@wp.func
-def window_light_level(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
-    """Return a number in [0, 1) for a window that is lit at night, below 0 for a dark one."""
-    h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
-    h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
-    chance = unit(h ^ (h >> wp.uint32(16)))
-    if chance >= awake:
-        return -1.0
-    return chance / awake
 
 
 @wp.func
@@ -73,6 +64,7 @@ def window_material(
     inside = wp.vec3f(0.034, 0.037, 0.042)
     veil = wp.vec3f(0.4, 0.38, 0.34)
     warm = wp.float32(1.0)
+    leaves = clamp01(detail[2] - 1.0)
     m.coat = 0.09
     if pattern == Pattern.CURTAIN_WALL:
         veil = first * 0.8
@@ -81,33 +73,20 @@ def window_material(
         warm = 0.25
     elif pattern == Pattern.SHOP_WINDOW:
         inside = wp.vec3f(0.11, 0.1, 0.09)
-        veil = mix(wp.vec3f(0.42, 0.12, 0.08), wp.vec3f(0.5, 0.42, 0.3), clamp01(2.0 * detail[3]))
-        veil = mix(veil, wp.vec3f(0.1, 0.2, 0.24), clamp01(2.0 * detail[3] - 1.0))
+        veil = goods_colour(detail[3])
         warm = 0.6
-    behind = mix(inside, veil, detail[2] * 0.85) * detail[0]
+    elif pattern == Pattern.WINDOW:
+        veil = mix(veil, curtain_colour(unit(code * wp.uint32(1911520717))), detail[3])
+        painted = mix(wp.vec3f(0.032, 0.036, 0.042), wp.vec3f(0.075, 0.058, 0.042), unit(code * wp.uint32(747796405)))
+        inside = mix(inside, painted, detail[3])
+        veil = mix(veil, wp.vec3f(0.06, 0.12, 0.03), leaves)
+    behind = mix(inside, veil, minimum(detail[2], 1.0) * 0.85) * detail[0]
     m.albedo = mix(behind, second, detail[1])
     m.coat = m.coat * glass
     # At grazing angles the reflection follows the gloss: it falls with the share of the glass.
     m.gloss = 0.98 * wp.sqrt(glass)
     m.street = 1.0
-    lit_by = window_light_level(air, code, awake)
-    bright = wp.float32(0.0)
-    if lit_by >= 0.0 and lit_by < air[0].night:  # lights turn on one after the other at dusk
-        bright = 0.6 + 0.7 * lit_by
-    if pattern != Pattern.SHOP_WINDOW:
-        # If many windows share a pixel, their mean is visible.
-        mean = awake * air[0].night * (0.6 + 0.35 * air[0].night)
-        bright = mean + (bright - mean) * detail[3]
-        lit_by = 0.5 + (lit_by - 0.5) * detail[3]
-    if air[0].night > 0.0 and bright > 0.0:
-        colour = mix(wp.vec3f(1.0, 0.86, 0.66), mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), lit_by), warm)
-        through = glass * (1.0 - 0.45 * detail[2])
-        if pattern == Pattern.CURTAIN_WALL:
-            through = glass * (1.0 - detail[2])
-        elif pattern == Pattern.SHOP_WINDOW:
-            colour = mix(colour, multiply(colour, veil) * 2.5, detail[2])
-            through = glass * 1.2
-        m.glow = colour * (air[0].emissive_gain * 0.8e-3 * detail[0] * through * bright)
+    m.glow = window_glow(pattern, air, detail, code, awake, veil, warm)
     return m
 
 
@@ -190,17 +169,19 @@ def material_of(
 
 
 @wp.func
-def is_paved(pattern: wp.int32) -> bool:
-    """Return whether a surface becomes wet and has puddles, as a street does."""
-    street = pattern == Pattern.ASPHALT or pattern == Pattern.ROAD_PAINT
-    return street or pattern == Pattern.SLABS or pattern == Pattern.CONCRETE
+def is_paved(pattern: wp.int32, up: wp.float32) -> bool:
+    """Return whether a surface becomes wet and has puddles, as a street does; `up` is the z of its normal."""
+    street = pattern == Pattern.ASPHALT or pattern == Pattern.LANES or pattern == Pattern.ROAD_PAINT
+    stones = pattern == Pattern.SLABS or pattern == Pattern.SETTS or pattern == Pattern.STONE
+    plates = pattern == Pattern.PLATES or pattern == Pattern.CONCRETE or pattern == Pattern.KERB
+    return street or (up > PAVED and (stones or plates))
 
 
 @wp.func
 def puddle_depth(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """Return -1 minus the height of the ground, always below 0; the higher, the sooner a puddle forms."""
     height = ground_height(p, foot)
-    if pattern == Pattern.SLABS or pattern == Pattern.CONCRETE:
+    if pattern != Pattern.ASPHALT and pattern != Pattern.LANES and pattern != Pattern.ROAD_PAINT:
         height = height + 0.1
     return -1.0 - height
 
@@ -209,7 +190,7 @@ def puddle_depth(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32
 def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -> Material:
     """Wet a dry material: porous surfaces become darker and glossier, hollows of flat ground fill with water."""
     up = m.normal[2]
-    if is_paved(pattern):
+    if is_paved(pattern, up):
         darker = 0.52
         if pattern == Pattern.ROAD_PAINT:
             darker = 0.78
@@ -229,6 +210,9 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
         or pattern == Pattern.BIRCH_BARK
         or pattern == Pattern.CLOTH
         or pattern == Pattern.STONE
+        or pattern == Pattern.CONCRETE
+        or pattern == Pattern.PANELS
+        or pattern == Pattern.KERB
         or pattern == Pattern.WOOD
         or pattern == Pattern.CLAPBOARD
     ):
@@ -317,7 +301,8 @@ def weathered_material(
     # (Fields are assigned one by one: a choice between two structs would go through memory.)
     if air[0].wet > 0.0:
         low = samples[0].puddle_depths[i]
-        if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
+        hollow = m.normal[2] > LEVEL and is_paved(pattern, m.normal[2])
+        if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and hollow:
             low = puddle_depth(pattern, p, samples[0].details[i][3])
             samples[0].puddle_depths[i] = low  # for later frames and other weathers
         moist = apply_wetness(m, pattern, air, low)

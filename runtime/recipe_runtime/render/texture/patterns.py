@@ -14,21 +14,55 @@ from recipe_runtime.render.numeric.noise import noise2
 from recipe_runtime.render.numeric.scalars import clamp01
 from recipe_runtime.render.texture.detail import Detail, fade
 from recipe_runtime.render.texture.green import is_plant, plant
-from recipe_runtime.render.texture.ground import asphalt, ripples, road_paint, slabs
+from recipe_runtime.render.texture.ground import asphalt, kerb, lanes, paving, ripples, road_paint
 from recipe_runtime.render.texture.lettering import letter, poster
 from recipe_runtime.render.texture.vehicle import bodywork, cabin, is_lamp, number_plate, reflector
-from recipe_runtime.render.texture.wall import boards, bricks, planks, roof_tiles, stones, wall
+from recipe_runtime.render.texture.wall import boards, bricks, panels, planks, roof_tiles, stones, wall
 from recipe_runtime.render.texture.window import curtain_wall, facade, shop_window, window
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Concrete of a wall, or of ground, which collects water."""
-    d = wall(d, uv, p, foot, 0.18)
-    d.parameter = foot
-    return d
+def pavement(d: Detail, pattern: wp.int32, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Slabs, setts, plates or kerb stones."""
+    if pattern == Pattern.KERB:
+        return kerb(d, uv, p, foot)
+    size = wp.vec2f(0.6, 0.4)
+    gap = wp.float32(0.012)
+    bond = wp.float32(0.5)
+    if pattern == Pattern.SETTS:
+        size = wp.vec2f(0.11, 0.1)
+        gap = 0.014
+    elif pattern == Pattern.PLATES:
+        size = wp.vec2f(1.5, 1.5)
+        gap = 0.018
+        bond = 0.0
+    return paving(d, uv, p, foot, size, gap, bond)
+
+
+@wp.func
+def masonry(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Dressed stones of a wall, or of paving, which wears and collects dirt and water."""
+    if d.normal[2] > 0.9:
+        return paving(d, uv, p, foot, wp.vec2f(0.9, 0.42), 0.014, 0.5)
+    return stones(d, uv, p, foot)
+
+
+@wp.func
+def timber(d: Detail, pattern: wp.int32, uv: wp.vec2f, foot: wp.float32) -> Detail:
+    """Horizontal boards or upright planks."""
+    if pattern == Pattern.CLAPBOARD:
+        return boards(d, uv, foot)
+    return planks(d, uv, foot)
+
+
+@wp.func
+def print_of(d: Detail, pattern: wp.int32, uv: wp.vec2f, foot: wp.float32) -> Detail:
+    """A letter or a poster."""
+    if pattern == Pattern.LETTER:
+        return letter(d, uv, foot)
+    return poster(d, uv, foot)
 
 
 @wp.func
@@ -67,17 +101,21 @@ def detail_of(
     # Return early: Warp copies the values that a branch assigns at its end.
     foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))
     if pattern == Pattern.ASPHALT:
-        return asphalt(d, uv, p, foot)
-    elif pattern == Pattern.SLABS:
-        return slabs(d, uv, p, foot)
+        return asphalt(d, p, foot)
+    elif pattern == Pattern.LANES:
+        return lanes(d, uv, p, foot)
+    elif pattern == Pattern.SLABS or (pattern >= Pattern.SETTS and pattern <= Pattern.KERB):
+        return pavement(d, pattern, uv, p, foot)
+    elif pattern == Pattern.PANELS:
+        return panels(d, uv, p, foot)
     elif pattern == Pattern.ROAD_PAINT:
-        return road_paint(d, uv, p, foot)
+        return road_paint(d, p, foot)
     elif pattern == Pattern.BRICK:
         return bricks(d, uv, p, foot)
     elif pattern == Pattern.PLASTER:
         return wall(d, uv, p, foot, 0.10)
     elif pattern == Pattern.CONCRETE:
-        return concrete(d, uv, p, foot)
+        return wall(d, uv, p, foot, 0.18)
     elif is_plant(pattern):
         return plant(d, pattern, uv, p, foot)
     elif pattern == Pattern.WINDOW:
@@ -85,21 +123,17 @@ def detail_of(
     elif pattern == Pattern.ROOF:
         return roof_tiles(d, uv, p, foot)
     elif pattern == Pattern.STONE:
-        return stones(d, uv, foot)
-    elif pattern == Pattern.CLAPBOARD:
-        return boards(d, uv, foot)
-    elif pattern == Pattern.WOOD:
-        return planks(d, uv, foot)
+        return masonry(d, uv, p, foot)
+    elif pattern == Pattern.CLAPBOARD or pattern == Pattern.WOOD:
+        return timber(d, pattern, uv, foot)
     elif pattern == Pattern.CURTAIN_WALL:
         return curtain_wall(d, uv, sight, foot)
     elif pattern == Pattern.SHOP_WINDOW:
         return shop_window(d, uv, sight, foot)
     elif pattern == Pattern.FACADE:
         return facade(d, uv, p, foot)
-    elif pattern == Pattern.LETTER:
-        return letter(d, uv, foot)
-    elif pattern == Pattern.POSTER:
-        return poster(d, uv, foot)
+    elif pattern == Pattern.LETTER or pattern == Pattern.POSTER:
+        return print_of(d, pattern, uv, foot)
     elif pattern == Pattern.WATER:
         return ripples(d, p, foot)
     elif pattern == Pattern.CAR_PAINT:

@@ -17,7 +17,10 @@ from recipe_runtime.render.texture.images import SurfaceColours
 
 # Default colours of slots that a look does not set.
 _FALLBACK = {
-    Pattern.ASPHALT: "#48484a", Pattern.SLABS: "#9a958c", Pattern.CONCRETE: "#8f8d88", Pattern.BRICK: "#8a4f3c",
+    Pattern.ASPHALT: "#48484a", Pattern.LANES: "#48484a", Pattern.SLABS: "#9a958c",
+    Pattern.SETTS: "#8c8983",
+    Pattern.PLATES: "#9a958c", Pattern.KERB: "#a09d96", Pattern.PANELS: "#8f8d88",
+    Pattern.CONCRETE: "#8f8d88", Pattern.BRICK: "#8a4f3c",
     Pattern.PLASTER: "#c9bfae", Pattern.ROOF: "#6a4a40", Pattern.GRASS: "#5a7438", Pattern.FOLIAGE: "#4c6b2c",
     Pattern.BARK: "#5a4634", Pattern.METAL: "#50565a", Pattern.SKIN: "#c49074", Pattern.CLOTH: "#5a6070",
     Pattern.RUBBER: "#1c1c1e", Pattern.ROAD_PAINT: "#e4e4de", Pattern.CAR_PAINT: "#8c9298", Pattern.GLASS: "#20262a",
@@ -36,6 +39,8 @@ _AROUND = {
     Pattern.CABIN: "seats",
 }  # the slot that gives their second colour
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
+_PAVING = (Pattern.SLABS, Pattern.SETTS, Pattern.PLATES, Pattern.KERB)
+_JOINTED = (*_PAVING, Pattern.ROOF, Pattern.STONE, Pattern.CLAPBOARD, Pattern.WOOD)  # their joints are dark
 
 
 def surface_colours(
@@ -66,7 +71,7 @@ def _second(key: SurfaceKey, first: Any) -> Any:
     """Return the second colour of a pattern: mortar, joints, sunlit leaves, the road under worn paint, or a frame."""
     if key.pattern in (Pattern.BRICK,):
         return 0.35 * first + 0.65 * np.array([0.36, 0.34, 0.31])
-    if key.pattern in (Pattern.SLABS, Pattern.ROOF, Pattern.STONE, Pattern.CLAPBOARD, Pattern.WOOD):
+    if key.pattern in _JOINTED:
         return 0.35 * first
     if key.pattern == Pattern.POSTER:
         return np.array([0.72, 0.69, 0.62])
