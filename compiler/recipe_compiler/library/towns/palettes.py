@@ -26,7 +26,7 @@ TREES: tuple[dict[str, tuple[str, ...]], ...] = (
 """Palettes of species that differ from that of `tree`, by the species' number."""
 
 PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
-    "ground": {"ground": ("#6f7466",)},
+    "ground": {"ground": ("#6f7466",), "wood": ("#36422c",)},
     "road": {
         "asphalt": _ASPHALTS,
         "patch": _PATCHES,

@@ -170,7 +170,7 @@ class RecordedFrame:
         )
         self._lamps = {True: struct_array([burning], device), False: struct_array([dark], device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
-        self._bodies = struct_array([lights.bodies_of(columns, columns[0].size)], device)
+        self._bodies = struct_array([lights.bodies_of(columns, columns[0].size, self.setup.sky)], device)
 
     def _make_own(self) -> None:
         """Return the bytes of a row that contain addresses of this frame's own arrays, and a mask of these bytes."""

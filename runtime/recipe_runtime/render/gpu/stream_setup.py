@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.shadows.lamp_shadow_kernels import StaticLampMap
 from recipe_runtime.render.shadows.lamp_slots import MAP_KINDS, MAP_NAMES, STATIC_SLOTS
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
+from recipe_runtime.render.shadows.sky_grid import sky_grid
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,11 @@ class StreamSetup:
     def pixels(self) -> int:
         """Number of the picture's pixels."""
         return self.camera.width * self.camera.height
+
+    @cached_property
+    def sky(self) -> DeviceArray:
+        """The sky above the town, a one-element array of `SkyGrid`."""
+        return sky_grid(self.g, self.device)
 
 
 def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:

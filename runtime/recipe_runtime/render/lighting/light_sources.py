@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, field
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 from recipe_runtime.core.timings import Timings
@@ -23,6 +24,7 @@ from recipe_runtime.render.scene.camera import upload_transforms, view_from_part
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.shadows.lamp_shadow_maps import LampShadowMaps
 from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, world_vertices
+from recipe_runtime.render.shadows.sky_grid import sky_grid
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,16 @@ class LightSources:
             nearby[lit] = self._listed(obs, lit)
         return nearby[lit]
 
+    @cached_property
+    def _sky(self) -> DeviceArray:
+        """The sky above the town; only shading needs it."""
+        return sky_grid(self._g, self._device)
+
     def _listed(self, obs: Observation, lit: bool) -> TiledLights:
         device = self._device
         shown: DeviceArray = wp.array(lit_surfaces(self._g, obs.lamps), dtype=wp.float32, device=device)
         lamps = struct_array([self._lamps(obs, shown) if lit else no_lamps(shown, device)], device)
-        bodies = struct_array([bodies_at(self._g, obs.parts, device)], device)
+        bodies = struct_array([bodies_at(self._g, obs.parts, self._sky, device)], device)
         tiles = -(-obs.camera.width // int(TILE)) * -(-obs.camera.height // int(TILE))
         lists = TileLists.empty(tiles, device)
         back = upload_transforms(world_from_view(obs.world_from_sensor), device)

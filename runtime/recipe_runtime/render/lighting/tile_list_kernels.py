@@ -17,6 +17,7 @@ from recipe_runtime.render.raster.label_kernels import TILE, depth_of
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.shadows.lamp_lookup_kernels import box_lit, lamp_visibility
 from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps
+from recipe_runtime.render.shadows.sky_grid_kernels import SkyGrid
 
 wp.set_module_options(OPTIONS)
 
@@ -49,7 +50,7 @@ class Lamps:
 
 @wp.struct
 class Bodies:
-    """Moving parts that nearly touch the ground: the footprint of an upright box each."""
+    """What hides the sky: moving parts that nearly touch the ground, an upright box's footprint each, and the town."""
 
     centre: wp.array[wp.vec3f]  # of the footprint
     axis: wp.array[wp.vec2f]  # unit, along its first half size
@@ -57,6 +58,7 @@ class Bodies:
     spread: wp.array[wp.float32]  # metres around the box over which the occlusion fades
     strength: wp.array[wp.float32]
     count: wp.int32
+    sky: wp.array[SkyGrid]
 
 
 @wp.func

@@ -65,13 +65,15 @@ CLOUD_LARGE = wp.constant(wp.uint32(101))
 CLOUD_MIDDLE = wp.constant(wp.uint32(102))
 CLOUD_SMALL = wp.constant(wp.uint32(103))
 CLOUD_FINE = wp.constant(wp.uint32(104))
-VEHICLE_DIRT = wp.constant(wp.uint32(155))
+VEHICLE_DIRT = wp.constant(wp.uint32(170))
 BARK_LICHEN = wp.constant(wp.uint32(150))
 BARK_FLAKE = wp.constant(wp.uint32(151))
 LAWN_AREA = wp.constant(wp.uint32(152))
 CLOVER = wp.constant(wp.uint32(153))
 GRASS_CROSSED = wp.constant(wp.uint32(154))
 DAISY = wp.constant(wp.uint32(155))
+CIRRUS = wp.constant(wp.uint32(105))
+STAR = wp.constant(wp.uint32(106))
 
 
 def noise_key(seed: int, name: str, frame: int) -> int:
