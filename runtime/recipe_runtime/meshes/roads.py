@@ -9,6 +9,7 @@ from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, circle, level, noise
+from recipe_runtime.meshes.horizon import hills
 from recipe_runtime.meshes.mesh import Pattern, Surface
 
 _ASPHALT = Surface("asphalt", Pattern.ASPHALT, Tag.ROADS)
@@ -31,13 +32,14 @@ _MEND, _MARK = 0.003, 0.007  # heights of repairs and of paint above the asphalt
 
 
 def ground(b: Builder, e: Element) -> None:
-    """Build the ground plane, slightly below the streets; in strips, so that no triangle is kilometres long."""
+    """Build the ground plane, slightly below the streets, in strips of at most 200 m, and the hills at its edge."""
     x, y, _ = e.size
     count = 12
     for i in range(count):
         for j in range(count):
             x0, y0 = x * (i / count - 0.5), y * (j / count - 0.5)
             b.quads(_GROUND, [level(x0, x0 + x / count, y0, y0 + y / count, -0.04)])
+    hills(b)
 
 
 def road(b: Builder, e: Element) -> None:

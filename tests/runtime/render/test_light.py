@@ -118,7 +118,7 @@ def test_computing_light_at_a_time_does_not_change_earlier_light() -> None:
     assert light_at_time(light_at_time(start, 0.4), 1.5).moved == then.moved != first
     assert (float(start.air.drift[0]), int(start.air.leaf_step), int(start.air.ring_step)) == (0.0, 0, 0)
     assert (float(then.air.drift[0]), int(then.air.leaf_step), int(then.air.ring_step)) == pytest.approx(
-        (0.0036, 45, 18)
+        (0.514 * 14.0 * 0.6 * 1.5, 45, 18)
     )
     assert float(then.air.sunlight[0]) == float(start.air.sunlight[0])
     assert light_at_time(then, 1.5) is then

@@ -1,11 +1,10 @@
-"""Radiance of the sky by direction, and the attenuation and in-scattering of fog and dust."""
+"""Radiance of the clear sky by direction, and the attenuation and in-scattering of fog and dust."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric import seeds
-from recipe_runtime.render.numeric.noise import floor, hash3, noise2, smoothstep, unit
+from recipe_runtime.render.numeric.noise import smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, mix
 
@@ -32,14 +31,17 @@ class Air:
     cloud_bright: wp.vec3f
     cloud_dark: wp.vec3f
     cover: wp.float32  # cloud cover, 0 to 1
-    drift: wp.vec2f  # offset of the cloud pattern
+    drift: wp.vec2f  # metres that the clouds have moved
+    shadow_drift: wp.vec2f  # metres that their shadows have moved, in larger steps
+    cloud_shadow: wp.float32  # share of sunlight that a thick cloud takes away from the ground
     stars: wp.float32  # radiance of the brightest stars
     leaf_motion: wp.float32  # amplitude of the shading of moving leaves, 0 to 1
     sway: wp.array[wp.vec2f]  # [SWAY_STEPS], offsets of their pattern in metres: sine and cosine of the sway
     gust_shift: wp.float32  # metres that gusts move per `leaf_step`
     leaf_step: wp.int32  # time in steps of 1/30 s; a leaf moves at every fourth
     fog: wp.float32  # extinction coefficient of fog, 1/m, beyond fog_start
-    haze: wp.float32  # extinction coefficient of rain, dust and air, 1/m, everywhere
+    haze: wp.float32  # extinction coefficient of rain, dust and aerosol, 1/m, everywhere
+    clear_air: wp.float32  # ... of clear air before surfaces, 1/m; the sky's colours contain it
     fog_start: wp.float32  # metres from the camera
     fog_falloff: wp.float32  # decrease of the fog's density with height, 1/m
     fog_colour: wp.vec3f
@@ -100,58 +102,6 @@ def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     glow = lookup(air[0].halo, c * c, HALO_ROWS)
     low = 1.0 - 0.75 * wp.sqrt(up)
     return base + glow + air[0].warm * (c * c * c * low * low)
-
-
-@wp.func
-def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
-    """Return thickness and brightness of the clouds in a direction above the horizon, both 0 to 1."""
-    s = 1.0 / (d[2] + 0.12)
-    x = d[0] * s * 0.9 + air[0].drift[0]
-    y = d[1] * s * 0.9 + air[0].drift[1]
-    big = noise2(x, y, air[0].seed ^ seeds.CLOUD_LARGE)
-    n = big * 0.52
-    edge = 0.86 - 0.76 * air[0].cover
-    if n + 0.48 <= edge:
-        return wp.vec2f(0.0, 1.0)  # small clouds cannot lift the sum above the edge
-    middle = noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ seeds.CLOUD_MIDDLE)
-    n = n + middle * 0.27
-    n = n + noise2(x * 5.1 + middle, y * 5.1 + 3.0, air[0].seed ^ seeds.CLOUD_SMALL) * 0.14
-    n = n + noise2(x * 11.0, y * 11.0 + middle, air[0].seed ^ seeds.CLOUD_FINE) * 0.07
-    thick = smoothstep(edge, edge + 0.22, n)
-    # The side towards the sun, with less cloud in front of the light, is brighter.
-    sunward = noise2(x + air[0].sun[0] * 0.2, y + air[0].sun[1] * 0.2, air[0].seed ^ seeds.CLOUD_LARGE) * 0.52
-    sunward = sunward + 0.27 * noise2(
-        (x + air[0].sun[0] * 0.2) * 2.3 + 7.0, (y + air[0].sun[1] * 0.2) * 2.3, air[0].seed ^ seeds.CLOUD_MIDDLE
-    )
-    return wp.vec2f(thick, clamp01(0.45 + 2.4 * (big * 0.52 + middle * 0.27 - sunward) - 0.5 * (n - edge - 0.2)))
-
-
-@wp.func
-def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
-    """Return the complete sky in a direction: gradient, halo, disc, clouds, stars."""
-    clear = clear_sky(air, d)
-    c = dot(d, air[0].sun)
-    sharp = smoothstep(0.99992, 0.99997, c)
-    clear = clear + air[0].disc * sharp
-    if air[0].stars > 0.0 and d[2] > 0.05:
-        i = floor(d[0] / (d[2] + 0.6) * 620.0)
-        j = floor(d[1] / (d[2] + 0.6) * 620.0)
-        h = unit(hash3(i, j, 1, air[0].seed))
-        if h > 0.9990:
-            clear = clear + wp.vec3f(1.0, 1.0, 1.1) * (air[0].stars * (h - 0.9990) * 1000.0)
-    if d[2] <= 0.0 or air[0].cover <= 0.0:
-        return mix(clear, air[0].cloud_dark, smoothstep(0.6, 1.0, air[0].cover))
-    cloud = cloud_at(air, d)
-    if cloud[0] <= 0.0:
-        return clear
-    forward = clamp01(c)
-    thin = 1.0 - cloud[0]
-    bright = mix(air[0].cloud_dark, air[0].cloud_bright, clamp01(cloud[1] + thin * thin))
-    lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (0.35 * thin + 0.15 * forward)
-    haze = smoothstep(0.0, 0.22, d[2])
-    whole_cover = smoothstep(0.6, 1.0, air[0].cover)
-    share = cloud[0] * (haze + (1.0 - haze) * whole_cover)
-    return mix(clear, lit, share)
 
 
 @wp.func

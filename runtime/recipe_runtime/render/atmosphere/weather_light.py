@@ -17,7 +17,7 @@ from recipe_compiler.ir.plan import AppearancePlan, Weather
 from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.render.atmosphere import sky
-from recipe_runtime.render.atmosphere.air import DECAY_STEPS, SWAY_STEPS, Air
+from recipe_runtime.render.atmosphere.air import DECAY_STEPS, SKY_ROWS, SWAY_STEPS, Air
 from recipe_runtime.render.atmosphere.sky import MIE, RAYLEIGH, Colour, Haze, haze_of
 from recipe_runtime.render.device.arrays import copy_struct, set_fields
 from recipe_runtime.render.device.setup import wp
@@ -31,11 +31,14 @@ _NIGHT_GAIN = 400.0  # the gain of exposure in a clear night
 _SIGNAL, _SIGNAL_SHOWN = 0.35, 0.9  # radiance of a traffic light, and its maximum after exposure
 _LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # colour of the scattered light of lamps
 _DUST = np.array([1.0, 0.60, 0.30])
+_WIND = (0.514, 0.857)  # direction of the wind, as of rain
+_CLOUD_SPEED = 14.0  # metres per second in a storm
+_CLOUD_STEPS, _SHADOW_STEPS = 2.0, 0.25  # per second
 _RING_STEPS = 12  # per second; a patch of ground changes its rings at every fourth
 _LEAF_STEPS = 30  # per second; leaves at a place move at every fourth
 _SWAY, _GUST_SPEED = 0.16, 0.9  # amplitude of leaves in a storm, metres; speed of gusts, metres per second
 _GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # maximum distance in metres, and minimum extinction, of visible glow
-_CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
+_CLEAR_AIR = 0.0008  # extinction of air without fog, 1/m
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,8 @@ class WeatherLight:
     night: float
     rain: float  # 0 to 1
     wind: float  # 0 to 1
-    moved: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)  # drift, ring_step and leaf_step of `air`
+    # drift and shadow_drift (x and y each), ring_step and leaf_step of `air`
+    moved: tuple[float, float, float, float, int, int] = (0.0, 0.0, 0.0, 0.0, 0, 0)
 
     @property
     def sun_shines(self) -> bool:
@@ -118,6 +122,7 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
     sunlight = clear_sun * s.shine
     irradiance = _irradiance(s, clear_sun)
     air, warm = Air(), sky.warmth(s.altitude, s.haze)
+    glow = 0.09 * _STREET_LIGHT * s.night * _LAMPLIGHT  # clouds reflect the light of the town
     bright = 0.82 * irradiance.overcast + 0.12 * sunlight + 0.7 * warm
     set_fields(
         air,
@@ -127,10 +132,11 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
         overhead=_vector(irradiance.overhead),
         sideways=_vector(irradiance.sideways),
         below=_vector(irradiance.below),
-        cloud_bright=_vector(_mix(bright, irradiance.overcast * 0.80 + 0.4 * warm, s.grey)),
-        cloud_dark=_vector(irradiance.overcast * (0.42 - 0.04 * s.rain)),
+        cloud_bright=_vector(_mix(bright, irradiance.overcast * 0.88 + 0.4 * warm, s.grey) + glow),
+        cloud_dark=_vector(irradiance.overcast * (0.5 - 0.06 * s.rain) + 0.2 * warm + 0.5 * glow),
         cover=fixed(s.cover),
-        stars=fixed(_smoothstep(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3,
+        cloud_shadow=fixed(0.62 * _smoothstep(0.1, 0.3, s.cover) * _smoothstep(0.85, 0.5, s.cover)),
+        stars=fixed(_smoothstep(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 6.0e-3,
         warm=_vector(warm * (1.0 - 0.9 * s.grey)),
         wet=fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0)),
         puddles=fixed(w.precipitation_deposits / 100.0),
@@ -171,17 +177,23 @@ def move_air(air: Air, light: WeatherLight, time: float) -> None:
     _set_moved(air, _moved(light, time))
 
 
-def _moved(light: WeatherLight, time: float) -> tuple[float, float, int, int]:
-    """Return the drift of the clouds, and the steps of rings and leaves, at a time in seconds."""
+def _moved(light: WeatherLight, time: float) -> tuple[float, float, float, float, int, int]:
+    """Return the drift of the clouds and of their shadows, and the steps of rings and leaves, at a time in seconds."""
     # Clouds move in steps too small to see; between steps a static camera reuses its sky.
-    moved = light.wind * int(2.0 * time) / 2.0
+    # Their shadows move in larger steps, at each of which all light of the ground is computed again.
+    moved = _CLOUD_SPEED * light.wind * int(_CLOUD_STEPS * time) / _CLOUD_STEPS
+    shadow = _CLOUD_SPEED * light.wind * int(_SHADOW_STEPS * time) / _SHADOW_STEPS
+    shadow = shadow if light.air.cloud_shadow > 0.0 else 0.0
     ring_step = int(_RING_STEPS * time) if light.rain > 0.0 else 0
     leaf_step = int(_LEAF_STEPS * time + 1e-6) if light.air.leaf_motion > 0.0 else 0
-    return fixed(0.004 * moved), fixed(0.002 * moved), ring_step, leaf_step
+    along, across = _WIND
+    drift, cast = (fixed(along * moved), fixed(across * moved)), (fixed(along * shadow), fixed(across * shadow))
+    return *drift, *cast, ring_step, leaf_step
 
 
-def _set_moved(air: Air, moved: tuple[float, float, int, int]) -> None:
-    set_fields(air, drift=wp.vec2f(*moved[:2]), ring_step=moved[2], leaf_step=moved[3])
+def _set_moved(air: Air, moved: tuple[float, float, float, float, int, int]) -> None:
+    drift, shadow = wp.vec2f(*moved[:2]), wp.vec2f(*moved[2:4])
+    set_fields(air, drift=drift, shadow_drift=shadow, ring_step=moved[4], leaf_step=moved[5])
 
 
 def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:
@@ -238,7 +250,8 @@ def _irradiance(s: _State, clear_sun: Colour) -> _Irradiance:
     overhead = _mix(_desaturate(0.54 * zenith + 0.33 * horizon, 0.5), overcast, s.grey)
     around = _mix(_desaturate(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, s.grey)
     below = 0.25 * (sunlight * up + overhead) * np.array([1.0, 0.96, 0.9])
-    walls = 0.05 * sunlight * (1.0 - up)  # light of a low sun, reflected by house fronts
+    # Light of a low sun, reflected by house fronts: most of it comes from walls in the shade.
+    walls = 0.035 * _desaturate(sunlight, 0.6) * (1.0 - up)
     overhead = overhead + walls
     sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
     # Clouds reflect the light of the town.
@@ -252,7 +265,7 @@ def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
     """Return the light of zenith and horizon on surfaces, which is less saturated than their visible colours."""
     noon = _smoothstep(-2.0, 26.0, altitude)
     zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.26, 0.48, 0.98]), noon)
-    horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.22, 1.38, 1.52]), noon)
+    horizon = _mix(np.array([0.94, 0.88, 0.92]), np.array([1.22, 1.38, 1.52]), noon)
     horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), _smoothstep(-4.0, -12.0, altitude))
     return zenith * day, horizon * day
 
@@ -261,9 +274,9 @@ def _set_fog(air: Any, s: _State, irradiance: _Irradiance, sunlight: Colour) -> 
     """Set fog, which begins at its distance and thins with height, and haze by rain, dust and air, which is uniform."""
     w = s.weather
     grains, mist = 0.05 * s.dust * s.dust, 0.009 * s.rain
-    fog, clear = extinction(w.fog_density), _CLEAR_AIR + 0.0006 * max(s.haze.mie - 0.107, 0.0)
-    haze = grains + mist + clear
-    air.fog, air.haze = fixed(fog), fixed(haze)
+    fog, aerosol = extinction(w.fog_density), 0.0001 + 0.0006 * max(s.haze.mie - 0.107, 0.0)
+    haze = grains + mist + aerosol
+    air.fog, air.haze, air.clear_air = fixed(fog), fixed(haze), fixed(_CLEAR_AIR)
     air.fog_start, air.fog_falloff = fixed(min(w.fog_distance, 1000.0)), fixed(0.1 * w.fog_falloff)
     thick = (fog + grains) / (0.1 * mist + 0.004 + fog + grains)
     dense = _desaturate(_mix(irradiance.around, irradiance.veil, thick), 0.6) * (1.0 - 0.12 * s.fog)
@@ -287,7 +300,9 @@ def _set_tables(air: Any, s: _State, device: str) -> None:
     reach, turns = _SWAY * s.weather.wind_intensity / 100.0, [360.0 * i / SWAY_STEPS for i in range(SWAY_STEPS)]
     sway = np.array([exact.sin_cos_deg(turn) for turn in turns]) * reach
     air.sway = wp.array(_round(sway), dtype=wp.vec2f, device=device)
-    air.gradient = wp.array(_round(sky.gradient(s.altitude, s.haze)), dtype=wp.vec3f, device=device)
+    rise = np.arange(SKY_ROWS)[:, None] / (SKY_ROWS - 1.0)
+    town = 0.11 * _STREET_LIGHT * s.night * _LAMPLIGHT * (0.25 + 0.75 * (1.0 - rise) * (1.0 - rise))
+    air.gradient = wp.array(_round(sky.gradient(s.altitude, s.haze) + town), dtype=wp.vec3f, device=device)
     air.halo = wp.array(_round(sky.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
 
 

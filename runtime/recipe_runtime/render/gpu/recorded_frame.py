@@ -167,7 +167,7 @@ class RecordedFrame:
         burning = lights.lamps_of(g, columns, self._lamp_maps, device)
         self._lamps = {True: struct_array([burning], device), False: struct_array([lights.no_lamps(device)], device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
-        self._bodies = struct_array([lights.bodies_of(columns, columns[0].size)], device)
+        self._bodies = struct_array([lights.bodies_of(columns, columns[0].size, self.setup.sky)], device)
 
     def _make_own(self) -> None:
         """Return the bytes of a row that contain addresses of this frame's own arrays, and a mask of these bytes."""

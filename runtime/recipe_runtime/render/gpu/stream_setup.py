@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.memory_layout import MemoryLayout
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import lights
+from recipe_runtime.render.lighting.sky_share import sky_share_fields
 from recipe_runtime.render.raster import passes as raster_passes
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.geometry import Geometry
@@ -62,6 +65,11 @@ class StreamSetup:
     def pixels(self) -> int:
         """Number of the picture's pixels."""
         return self.camera.width * self.camera.height
+
+    @cached_property
+    def sky(self) -> dict[str, Any]:
+        """The sky above the town, fields of `Bodies`."""
+        return sky_share_fields(self.g, self.device)
 
 
 def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 from weakref import WeakKeyDictionary
 
 from recipe_runtime.core.timings import Timings
@@ -15,6 +17,7 @@ from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.buffers import TileLists
 from recipe_runtime.render.lighting.lights import bodies_at, lamp_columns, lamps_at, no_lamps
+from recipe_runtime.render.lighting.sky_share import sky_share_fields
 from recipe_runtime.render.lighting.tile_list_kernels import Lamps
 from recipe_runtime.render.raster.label_kernels import TILE
 from recipe_runtime.render.raster.observation import Observation
@@ -72,10 +75,15 @@ class LightSources:
             nearby[lit] = self._listed(obs, lit)
         return nearby[lit]
 
+    @cached_property
+    def _sky(self) -> dict[str, Any]:
+        """The sky above the town; only shading needs it."""
+        return sky_share_fields(self._g, self._device)
+
     def _listed(self, obs: Observation, lit: bool) -> TiledLights:
         device = self._device
         lamps = struct_array([self._lamps(obs) if lit else no_lamps(device)], device)
-        bodies = struct_array([bodies_at(self._g, obs.parts, device)], device)
+        bodies = struct_array([bodies_at(self._g, obs.parts, self._sky, device)], device)
         tiles = -(-obs.camera.width // int(TILE)) * -(-obs.camera.height // int(TILE))
         lists = TileLists.empty(tiles, device)
         back = upload_transforms(world_from_view(obs.world_from_sensor), device)

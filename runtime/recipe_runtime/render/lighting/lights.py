@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -97,17 +97,17 @@ def no_lamps(device: str) -> Lamps:
     )
 
 
-def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:
-    """Return the moving parts that come within half a metre of the ground below their actor."""
+def bodies_at(geometry: Geometry, parts: Array, sky: Mapping[str, Any], device: str) -> Bodies:
+    """Return the moving parts within half a metre of the ground below their actor; `sky`: see `bodies_of`."""
     columns = body_columns(geometry, parts)
     near = columns[0][:, 2] < _NOWHERE
     kept = [column[near] if near.any() else column[:1] for column in columns]
-    return bodies_of(uploaded(kept, BODY_KINDS, device), int(near.sum()))
+    return bodies_of(uploaded(kept, BODY_KINDS, device), int(near.sum()), sky)
 
 
-def bodies_of(columns: Sequence[Any], count: int) -> Bodies:
-    """Return the struct of bodies whose columns are on the device."""
-    return set_fields(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count)
+def bodies_of(columns: Sequence[Any], count: int, sky: Mapping[str, Any]) -> Bodies:
+    """Return the struct of bodies whose columns are on the device; `sky` is what `sky_share_fields` returns."""
+    return set_fields(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count, **sky)
 
 
 def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:

@@ -21,6 +21,7 @@ class SampleLight:
     lamps: StaticLampLight
     lists: TileLists
     clouds: tuple[float, float]  # the earlier frame's `Air.drift`
+    cloud_shadows: tuple[float, float]  # the frame's `Air.shadow_drift`; light below other shadows is not reused
     kept: int  # samples below this index are cached for later frames
     sources: DeviceArray  # vec2i by kept sample, as `reflection_kernels.reflect` writes them
     quiet: DeviceArray  # uint8 by tile, as `temporal_kernels.collect_dirty` writes it
@@ -36,6 +37,7 @@ class SampleLight:
         kept: int,
         lists: TileLists,
         clouds: tuple[float, float],
+        cloud_shadows: tuple[float, float],
         wet: bool,
         night: bool,
         device: str,
@@ -48,6 +50,7 @@ class SampleLight:
             lamps=StaticLampLight.empty(kept if kept and night else 1, device),
             lists=lists,
             clouds=clouds,
+            cloud_shadows=cloud_shadows,
             kept=kept,
             sources=wp.full(max(kept, 1) if wet else 1, wp.vec2i(-2, -1), dtype=wp.vec2i, device=device),
             quiet=wp.zeros(lists.tiles, dtype=wp.uint8, device=device),

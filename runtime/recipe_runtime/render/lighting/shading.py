@@ -132,7 +132,11 @@ class ShadingPass:
         """
         before, base = PreviousFrame(), points.base
         clouds = float(light.air.drift[0]), float(light.air.drift[1])
+        shadows = float(light.air.shadow_drift[0]), float(light.air.shadow_drift[1])
         cached = base.lights.get(name) if base is not None else None
+        if cached is not None and base is not None and cached.cloud_shadows != shadows:
+            del base.lights[name]
+            cached = None
         if cached is not None and base is not None:
             before.tiles = self._compared_tiles(cached.lists, base, light, lights)
             set_fields(before, sky=int(cached.clouds == clouds), shared_count=base.count, leaf_step=cached.leaf_step)
@@ -144,7 +148,15 @@ class ShadingPass:
                 capacity, room = base.columns.capacity, len(base.lights) < _SAMPLE_LIGHT_CACHE_SIZE
                 kept = base.count if room and name and self._device == "cpu" and self._reuse else 0
             found = SampleLight.empty(
-                camera, capacity, kept, lights.lists, clouds, light.wet, float(light.air.night) > 0.0, self._device
+                camera,
+                capacity,
+                kept,
+                lights.lists,
+                clouds,
+                shadows,
+                light.wet,
+                float(light.air.night) > 0.0,
+                self._device,
             )
         found.leaf_step = int(light.air.leaf_step)
         set_fields(before, kept_count=found.kept, stale=found.pixels.stale)

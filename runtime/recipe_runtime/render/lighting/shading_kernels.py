@@ -7,7 +7,16 @@ sky. Radiance is linear and relative (see `Air`).
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
-from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, fog_veil, reflected_sky, sky, transmittance
+from recipe_runtime.render.atmosphere.air import (
+    Air,
+    ambient,
+    apply_fog,
+    decay,
+    fog_veil,
+    reflected_sky,
+    transmittance,
+)
+from recipe_runtime.render.atmosphere.clouds import cloud_shadow, sky
 from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
@@ -20,6 +29,7 @@ from recipe_runtime.render.lighting.materials import (
     specular,
     weathered_material,
 )
+from recipe_runtime.render.lighting.sky_share_kernels import BOUNCE, sky_share
 from recipe_runtime.render.lighting.temporal_kernels import (
     AT_REST,
     LEAF,
@@ -105,20 +115,10 @@ def sky_reflection(
 
 
 @wp.func
-def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
-    """Return the sky along a unit direction behind fog; the path through the fog is longer near the horizon."""
+def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.vec3f:
+    """Return the sky along a unit direction behind fog; the path is longer near the horizon. `foot`: as of `sky`."""
     far = 300.0 / (maximum(d[2], 0.0) + 0.06)
-    return apply_fog(air, sky(air, d), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
-
-
-@wp.func
-def open_sky(left: wp.float32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """Return the share of the sky that a point sees between the houses, of the share `left` by nearby bodies."""
-    if n[2] < 0.5 and p[2] < 3.0:
-        # Walls see less of the sky near the ground.
-        low = 1.0 / (1.0 + maximum(p[2], 0.0) * 2.0)
-        left = left * (1.0 - 0.35 * low * (0.5 - n[2]))
-    return left
+    return apply_fog(air, sky(air, eye, d, foot), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
 
 
 @wp.func
@@ -130,11 +130,14 @@ def add_sun(air: wp.array[Air], beams: wp.array[Sunbeam], m: Material, p: wp.vec
     mirroring = wp.float32(0.0)
     if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
         reached = sun_share(beams, p, m.normal)
+        shaded = wp.float32(0.0)
+        if reached[0] > 0.0:
+            shaded = reached[0] * cloud_shadow(air, p)
         past = reached[1]
-        left = reached[0] * clamp01((to_sun + m.soft) / (1.0 + m.soft))
+        left = shaded * clamp01((to_sun + m.soft) / (1.0 + m.soft))
         if m.coat > 0.0 and reached[0] > 0.0 and to_sun > 0.0:
             bright = specular(m.gloss, m.normal, air[0].sun, back)
-            mirroring = reached[0] * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
+            mirroring = shaded * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
     return light + air[0].sunlight * left, air[0].sunlight * mirroring, past
 
 
@@ -268,9 +271,11 @@ def light_surface(
     """Return the light on a sample of a surface, the share of its mirror reflection, and its reuse class."""
     lit = SurfaceLight()
     free = contact_occlusion(bodies, body_lists, tile, p, n)
-    sky_left = open_sky(free, p, n)
+    visible = free * sky_share(bodies, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
-    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
+    light, shine, past = add_sun(
+        air, beams, m, p, back, ambient(air, n) * visible + air[0].below * (BOUNCE * (free - visible))
+    )
     rest = AT_REST
     if phase >= 0:
         rest = LEAF + wp.uint8(phase)
@@ -284,12 +289,12 @@ def light_surface(
     reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     lit.light = light
     lit.shine = shine
-    lit.left = transmittance(air, eye[2], p[2], distance)
+    lit.left = transmittance(air, eye[2], p[2], distance) * decay(air, distance * air[0].clear_air)
     mirrored = wp.float32(0.0)
     if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
-        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * lit.left
+        mirrored = fresnel(m.coat, m.gloss, facing) * free * lit.left
     elif m.coat > 0.0:
-        lit.sky = sky_reflection(air, m, p, sight, facing, sky_left)
+        lit.sky = sky_reflection(air, m, p, sight, facing, free)
     lit.veil = fog_veil(air, sight)
     lit.glow = add_glow(air, lamps, glow_lists, tile, eye, sight, distance, wp.vec3f(0.0, 0.0, 0.0))
     return lit, mirrored, reuse_class
@@ -366,7 +371,9 @@ def shade_samples(
     if surface < 0:
         mark_dirty(previous, samples[0].pixels[i])
         out_reuse_class[i] = SKY
-        seen = add_glow(air, lamps, glow_lists, tile, eye, p, 1000.0, sky_through_fog(air, eye, p))
+        seen = add_glow(
+            air, lamps, glow_lists, tile, eye, p, 1000.0, sky_through_fog(air, eye, p, 1.0 / samples[0].focal)
+        )
         write_light(air, i, seen, 0.0, 0.0, out_radiance, out_mirror, out_shown)
         return
     n = samples[0].normals[i]

@@ -48,7 +48,7 @@ class Lamps:
 
 @wp.struct
 class Bodies:
-    """Moving parts that nearly touch the ground: the footprint of an upright box each."""
+    """What hides the sky: moving parts that nearly touch the ground, an upright box's footprint each, and the town."""
 
     centre: wp.array[wp.vec3f]  # of the footprint
     axis: wp.array[wp.vec2f]  # unit, along its first half size
@@ -56,6 +56,12 @@ class Bodies:
     spread: wp.array[wp.float32]  # metres around the box over which the occlusion fades
     strength: wp.array[wp.float32]
     count: wp.int32
+    # The share of the sky that the town leaves, as `sky_share_kernels.march_horizons` writes it.
+    sky: wp.array[wp.float32]  # [layer, row, column]
+    sky_corner: wp.vec2f  # of the grid, in the world
+    sky_cell: wp.float32  # metres
+    sky_columns: wp.int32
+    sky_rows: wp.int32  # 0: there is no grid
 
 
 @wp.func

@@ -54,6 +54,8 @@ CLOUD_LARGE = wp.constant(wp.uint32(101))
 CLOUD_MIDDLE = wp.constant(wp.uint32(102))
 CLOUD_SMALL = wp.constant(wp.uint32(103))
 CLOUD_FINE = wp.constant(wp.uint32(104))
+CIRRUS = wp.constant(wp.uint32(105))
+STAR = wp.constant(wp.uint32(106))
 
 
 def noise_key(seed: int, name: str, frame: int) -> int:
