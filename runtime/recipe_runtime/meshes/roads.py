@@ -39,7 +39,7 @@ def ground(b: Builder, e: Element) -> None:
         for j in range(count):
             x0, y0 = x * (i / count - 0.5), y * (j / count - 0.5)
             b.quads(_GROUND, [level(x0, x0 + x / count, y0, y0 + y / count, -0.04)])
-    hills(b)
+    hills(b, e.shape["gap"])
 
 
 def road(b: Builder, e: Element) -> None:

@@ -46,7 +46,7 @@ def test_a_black_target_in_fog_follows_koschmieders_law(metres: float) -> None:
     weather = appearance(40.0, azimuth=180.0, looks=LOOKS, fog_density=100, fog_distance=1, fog_falloff=0)
     seen = looked(level(Body("target", 0, (("static", target),))), Pose(z=1.6), weather)[31, 31]
     air = initial_light(weather, "cpu").air
-    path = float(air.fog) * (metres - 1.0) + float(air.haze) * metres
+    path = float(air.fog) * (metres - 1.0) + (float(air.haze) + float(air.clear_air)) * metres
     veil = np.array([air.fog_colour[n] for n in range(3)]) * (1.0 - exact.exp(-path))
     np.testing.assert_allclose(seen, veil, rtol=0.005)
     assert float(air.fog) == pytest.approx(extinction(100.0), abs=1e-6)

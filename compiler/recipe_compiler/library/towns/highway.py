@@ -103,7 +103,7 @@ def elements(*, lanes: int, length: int, gantries: int) -> int:
 def build(seed: int, *, lanes: int, length: int, gantries: int) -> Town:
     """Generate the town; `PARAMETERS` describes the arguments."""
     road, site = Motorway(lanes, 50.0 * length), Site("highway", seed)
-    ground(site, (0.0, 0.0))
+    ground(site, (0.0, 0.0), road.path + 4.0)
     count = int((road.half + BEYOND) / STRETCH + 0.999)
     for n in range(-count, count):
         _stretch(site, road, n)

@@ -16,7 +16,7 @@ _PAINT = ("#dcdcd6",)
 _SIGN = {"red": ("#b3201f",), "white": ("#e6e6e2",), "blue": ("#1f4f93",), "black": ("#161616",)}
 
 PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
-    "ground": {"ground": ("#6f7466",), "wood": ("#46523a",)},
+    "ground": {"ground": ("#6f7466",), "wood": ("#36422c",)},
     "road": {
         "asphalt": _ASPHALTS,
         "patch": _PATCHES,

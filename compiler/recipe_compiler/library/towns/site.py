@@ -90,9 +90,9 @@ def beside(pose: Pose, out: float, along: float, turn: float = 0.0) -> Pose:
     return Pose(x=pose.x + c * out - s * along, y=pose.y + s * out + c * along, z=pose.z, yaw=(pose.yaw + turn) % 360)
 
 
-def ground(site: Site, middle: tuple[float, float]) -> None:
-    """Add the ground plane."""
-    site.add("ground", "ground", Pose(x=middle[0], y=middle[1]), (2400.0, 2400.0, 0.05))
+def ground(site: Site, middle: tuple[float, float], gap: float = 0.0) -> None:
+    """Add the ground plane and the hills around it, with a gap for a road along y, `gap` metres to either side."""
+    site.add("ground", "ground", Pose(x=middle[0], y=middle[1]), (2400.0, 2400.0, 0.05), gap=gap)
 
 
 def skyline(site: Site, middle: tuple[float, float], near: tuple[float, float], tallest: float = 52.0) -> None:

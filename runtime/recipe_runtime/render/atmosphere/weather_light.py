@@ -38,7 +38,7 @@ _RING_STEPS = 12  # per second; a patch of ground changes its rings at every fou
 _LEAF_STEPS = 30  # per second; leaves at a place move at every fourth
 _SWAY, _GUST_SPEED = 0.16, 0.9  # amplitude of leaves in a storm, metres; speed of gusts, metres per second
 _GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # maximum distance in metres, and minimum extinction, of visible glow
-_CLEAR_AIR = 0.0008  # extinction of air without fog, 1/m
+_CLEAR_AIR = 0.0006  # extinction of air without fog, 1/m
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
         cloud_bright=_vector(_mix(bright, irradiance.overcast * 0.88 + 0.4 * warm, s.grey) + glow),
         cloud_dark=_vector(irradiance.overcast * (0.5 - 0.06 * s.rain) + 0.2 * warm + 0.5 * glow),
         cover=fixed(s.cover),
-        cloud_shadow=fixed(0.62 * _smoothstep(0.1, 0.3, s.cover) * _smoothstep(0.85, 0.5, s.cover)),
+        cloud_shadow=fixed(0.5 * _smoothstep(0.1, 0.3, s.cover) * _smoothstep(0.6, 0.4, s.cover)),
         stars=fixed(_smoothstep(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 6.0e-3,
         warm=_vector(warm * (1.0 - 0.9 * s.grey)),
         wet=fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0)),
@@ -301,7 +301,7 @@ def _set_tables(air: Any, s: _State, device: str) -> None:
     sway = np.array([exact.sin_cos_deg(turn) for turn in turns]) * reach
     air.sway = wp.array(_round(sway), dtype=wp.vec2f, device=device)
     rise = np.arange(SKY_ROWS)[:, None] / (SKY_ROWS - 1.0)
-    town = 0.11 * _STREET_LIGHT * s.night * _LAMPLIGHT * (0.25 + 0.75 * (1.0 - rise) * (1.0 - rise))
+    town = 0.07 * _STREET_LIGHT * s.night * _LAMPLIGHT * (0.25 + 0.75 * (1.0 - rise) * (1.0 - rise))
     air.gradient = wp.array(_round(sky.gradient(s.altitude, s.haze) + town), dtype=wp.vec3f, device=device)
     air.halo = wp.array(_round(sky.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
 

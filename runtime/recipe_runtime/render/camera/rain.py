@@ -10,8 +10,8 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.scene.camera import world_from_view
 
-_EXPOSURE_TIME = 1.0 / 60.0  # seconds during which a drop leaves its streak
-_DROPS = 36000  # at precipitation 100, in a cube
+_EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
+_DROPS = 32000  # at precipitation 100, in a cube
 _RAIN_CUBE = 26.0  # metres along its side
 _RAIN_DEPTH = 15.0  # metres from the camera within which drops are drawn
 
@@ -34,7 +34,7 @@ def rain_at(world_from_sensor: Array, light: WeatherLight, time: float, seed: in
         fall=wp.vec3d(*fall),
         streak=wp.vec3f(*streak),
         depth=_RAIN_DEPTH,
-        cover=0.5,
+        cover=0.7,
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +20,13 @@ from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.memory_layout import MemoryLayout
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import lights
-from recipe_runtime.render.lighting.sky_share import sky_share_fields
 from recipe_runtime.render.raster import passes as raster_passes
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.shadows.lamp_shadow_kernels import StaticLampMap
 from recipe_runtime.render.shadows.lamp_slots import MAP_KINDS, MAP_NAMES, STATIC_SLOTS
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
+from recipe_runtime.render.shadows.sky_grid import sky_grid
 
 
 @dataclass(frozen=True)
@@ -67,9 +66,9 @@ class StreamSetup:
         return self.camera.width * self.camera.height
 
     @cached_property
-    def sky(self) -> dict[str, Any]:
-        """The sky above the town, fields of `Bodies`."""
-        return sky_share_fields(self.g, self.device)
+    def sky(self) -> DeviceArray:
+        """The sky above the town, a one-element array of `SkyGrid`."""
+        return sky_grid(self.g, self.device)
 
 
 def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 from weakref import WeakKeyDictionary
 
 from recipe_runtime.core.timings import Timings
@@ -17,7 +16,6 @@ from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.buffers import TileLists
 from recipe_runtime.render.lighting.lights import bodies_at, lamp_columns, lamps_at, no_lamps
-from recipe_runtime.render.lighting.sky_share import sky_share_fields
 from recipe_runtime.render.lighting.tile_list_kernels import Lamps
 from recipe_runtime.render.raster.label_kernels import TILE
 from recipe_runtime.render.raster.observation import Observation
@@ -25,6 +23,7 @@ from recipe_runtime.render.scene.camera import upload_transforms, view_from_part
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.shadows.lamp_shadow_maps import LampShadowMaps
 from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, world_vertices
+from recipe_runtime.render.shadows.sky_grid import sky_grid
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,9 @@ class LightSources:
         return nearby[lit]
 
     @cached_property
-    def _sky(self) -> dict[str, Any]:
+    def _sky(self) -> DeviceArray:
         """The sky above the town; only shading needs it."""
-        return sky_share_fields(self._g, self._device)
+        return sky_grid(self._g, self._device)
 
     def _listed(self, obs: Observation, lit: bool) -> TiledLights:
         device = self._device

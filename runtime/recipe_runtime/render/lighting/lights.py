@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -97,7 +97,7 @@ def no_lamps(device: str) -> Lamps:
     )
 
 
-def bodies_at(geometry: Geometry, parts: Array, sky: Mapping[str, Any], device: str) -> Bodies:
+def bodies_at(geometry: Geometry, parts: Array, sky: DeviceArray, device: str) -> Bodies:
     """Return the moving parts within half a metre of the ground below their actor; `sky`: see `bodies_of`."""
     columns = body_columns(geometry, parts)
     near = columns[0][:, 2] < _NOWHERE
@@ -105,9 +105,9 @@ def bodies_at(geometry: Geometry, parts: Array, sky: Mapping[str, Any], device: 
     return bodies_of(uploaded(kept, BODY_KINDS, device), int(near.sum()), sky)
 
 
-def bodies_of(columns: Sequence[Any], count: int, sky: Mapping[str, Any]) -> Bodies:
-    """Return the struct of bodies whose columns are on the device; `sky` is what `sky_share_fields` returns."""
-    return set_fields(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count, **sky)
+def bodies_of(columns: Sequence[Any], count: int, sky: DeviceArray) -> Bodies:
+    """Return the struct of bodies whose columns are on the device; `sky` is that of `sky_grid`."""
+    return set_fields(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count, sky=sky)
 
 
 def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:

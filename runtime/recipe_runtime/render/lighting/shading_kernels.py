@@ -29,7 +29,6 @@ from recipe_runtime.render.lighting.materials import (
     specular,
     weathered_material,
 )
-from recipe_runtime.render.lighting.sky_share_kernels import BOUNCE, sky_share
 from recipe_runtime.render.lighting.temporal_kernels import (
     AT_REST,
     LEAF,
@@ -60,6 +59,7 @@ from recipe_runtime.render.numeric.vectors import dot, mix, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, moving_shadow, sun_share
+from recipe_runtime.render.shadows.sky_grid_kernels import BOUNCE, sky_share
 from recipe_runtime.render.texture.images import SurfaceColours
 
 wp.set_module_options(OPTIONS)
@@ -271,7 +271,7 @@ def light_surface(
     """Return the light on a sample of a surface, the share of its mirror reflection, and its reuse class."""
     lit = SurfaceLight()
     free = contact_occlusion(bodies, body_lists, tile, p, n)
-    visible = free * sky_share(bodies, p, n)
+    visible = free * sky_share(bodies[0].sky, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     light, shine, past = add_sun(
         air, beams, m, p, back, ambient(air, n) * visible + air[0].below * (BOUNCE * (free - visible))
@@ -356,9 +356,8 @@ def shade_samples(
 ):
     """Write the linear radiance of every dirty sample.
 
-    The reflection on wet ground is added by `reflect`, from the share and gloss in `out_mirror`; samples without a
-    reflection are written to `out_shown` unchanged if anything is wet. `collect_dirty` reads `out_reuse_class` in a
-    later frame.
+    `reflect` adds the reflection on wet ground by `out_mirror`, its share and gloss; if anything is wet, samples
+    without one are written to `out_shown` unchanged. `collect_dirty` reads `out_reuse_class` in a later frame.
     """
     i = dirty_sample(dirty, wp.tid())
     tile = samples[0].tiles[i]
@@ -371,9 +370,8 @@ def shade_samples(
     if surface < 0:
         mark_dirty(previous, samples[0].pixels[i])
         out_reuse_class[i] = SKY
-        seen = add_glow(
-            air, lamps, glow_lists, tile, eye, p, 1000.0, sky_through_fog(air, eye, p, 1.0 / samples[0].focal)
-        )
+        beyond = sky_through_fog(air, eye, p, 1.0 / samples[0].focal)
+        seen = add_glow(air, lamps, glow_lists, tile, eye, p, 1000.0, beyond)
         write_light(air, i, seen, 0.0, 0.0, out_radiance, out_mirror, out_shown)
         return
     n = samples[0].normals[i]

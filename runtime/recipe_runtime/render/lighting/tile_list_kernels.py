@@ -17,6 +17,7 @@ from recipe_runtime.render.raster.label_kernels import TILE, depth_of
 from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.shadows.lamp_lookup_kernels import box_lit, lamp_visibility
 from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps
+from recipe_runtime.render.shadows.sky_grid_kernels import SkyGrid
 
 wp.set_module_options(OPTIONS)
 
@@ -56,12 +57,7 @@ class Bodies:
     spread: wp.array[wp.float32]  # metres around the box over which the occlusion fades
     strength: wp.array[wp.float32]
     count: wp.int32
-    # The share of the sky that the town leaves, as `sky_share_kernels.march_horizons` writes it.
-    sky: wp.array[wp.float32]  # [layer, row, column]
-    sky_corner: wp.vec2f  # of the grid, in the world
-    sky_cell: wp.float32  # metres
-    sky_columns: wp.int32
-    sky_rows: wp.int32  # 0: there is no grid
+    sky: wp.array[SkyGrid]
 
 
 @wp.func

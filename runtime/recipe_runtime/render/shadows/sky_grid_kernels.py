@@ -8,7 +8,6 @@ directions: a horizon of slope t leaves 1 / (1 + t^2) of the light that the sky 
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.tile_list_kernels import Bodies
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 
 wp.set_module_options(OPTIONS)
@@ -19,6 +18,17 @@ MARCH = wp.constant(13)  # steps along a direction, each longer than the one bef
 BOUNCE = wp.constant(wp.float32(0.9))  # light of houses and trees that hide the sky, relative to that of the ground
 UNITS = wp.constant(wp.float32(100.0))  # heights are in centimetres
 FLAT = wp.constant(wp.float32(0.5))  # of a normal's z: surfaces above it look up, those below are walls
+
+
+@wp.struct
+class SkyGrid:
+    """The share of the sky that a town leaves to each place."""
+
+    shares: wp.array[wp.float32]  # [layer, row, column], as `fill_houses` writes them
+    corner: wp.vec2f  # of the grid, in the world
+    cell: wp.float32  # metres
+    columns: wp.int32
+    rows: wp.int32  # 0: there is no grid
 
 
 @wp.func
@@ -128,36 +138,36 @@ def fill_houses(shares: wp.array[wp.float32], columns: wp.int32, rows: wp.int32,
 
 
 @wp.func
-def layer_share(bodies: wp.array[Bodies], layer: wp.int32, u: wp.float32, v: wp.float32) -> wp.float32:
+def layer_share(grid: wp.array[SkyGrid], layer: wp.int32, u: wp.float32, v: wp.float32) -> wp.float32:
     """Return the share of a layer at a place in cells, interpolated."""
-    columns = bodies[0].sky_columns
+    columns = grid[0].columns
     i = wp.int32(u)
     j = wp.int32(v)
     fu = u - wp.float32(i)
     fv = v - wp.float32(j)
-    at = nonnegative((layer * bodies[0].sky_rows + j) * columns + i)
-    low = bodies[0].sky[at] + (bodies[0].sky[at + 1] - bodies[0].sky[at]) * fu
+    at = nonnegative((layer * grid[0].rows + j) * columns + i)
+    low = grid[0].shares[at] + (grid[0].shares[at + 1] - grid[0].shares[at]) * fu
     at = nonnegative(at + columns)
-    high = bodies[0].sky[at] + (bodies[0].sky[at + 1] - bodies[0].sky[at]) * fu
+    high = grid[0].shares[at] + (grid[0].shares[at + 1] - grid[0].shares[at]) * fu
     return low + (high - low) * fv
 
 
 @wp.func
-def sky_share(bodies: wp.array[Bodies], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def sky_share(grid: wp.array[SkyGrid], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """Return the share of the light of the sky that the town leaves to a point with normal n, 0 to 1."""
-    if bodies[0].sky_rows == 0:
+    if grid[0].rows == 0:
         return 1.0
     # Before a wall the grid knows the street, not the house.
-    cell = bodies[0].sky_cell
-    u = (p[0] + n[0] * 1.2 * cell - bodies[0].sky_corner[0]) / cell - 0.5
-    v = (p[1] + n[1] * 1.2 * cell - bodies[0].sky_corner[1]) / cell - 0.5
-    if u < 0.0 or v < 0.0 or u >= wp.float32(bodies[0].sky_columns - 1) or v >= wp.float32(bodies[0].sky_rows - 1):
+    cell = grid[0].cell
+    u = (p[0] + n[0] * 1.2 * cell - grid[0].corner[0]) / cell - 0.5
+    v = (p[1] + n[1] * 1.2 * cell - grid[0].corner[1]) / cell - 0.5
+    if u < 0.0 or v < 0.0 or u >= wp.float32(grid[0].columns - 1) or v >= wp.float32(grid[0].rows - 1):
         return 1.0
     z = p[2] + 0.4
     layer = wp.where(z < 4.0, 0, wp.where(z < 11.0, 1, 2))
     start = layer_height(layer)
-    low = layer_share(bodies, layer, u, v)
-    high = layer_share(bodies, layer + 1, u, v)
+    low = layer_share(grid, layer, u, v)
+    high = layer_share(grid, layer + 1, u, v)
     share = low + (high - low) * clamp01((z - start) / (layer_height(layer + 1) - start))
     # A wall hides half of the sky itself: the light on walls is relative to what a free wall sees.
     walls = clamp01(1.0 - n[2] / FLAT)

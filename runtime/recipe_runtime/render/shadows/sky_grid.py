@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from recipe_compiler.ir import exact
 
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting.sky_share_kernels import (
+from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.sky_grid_kernels import (
     DIRECTIONS,
     LAYERS,
+    SkyGrid,
     fill_houses,
     march_horizons,
     raise_heights,
 )
-from recipe_runtime.render.scene.geometry import Geometry
 
 _CELL, _MOST_CELLS = 2.0, 224  # metres, unless the town is wider than so many cells
-_MARGIN = 12.0  # metres around the town
+_MARGIN = 40.0  # metres around the town
 
 
-def sky_share_fields(geometry: Geometry, device: str) -> dict[str, Any]:
-    """Return the fields of `Bodies` that describe the sky above a town; without houses, no grid."""
+def sky_grid(geometry: Geometry, device: str) -> DeviceArray:
+    """Return the grid of a town, a one-element array of `SkyGrid`; it is empty without anything that hides the sky."""
     count = geometry.static_triangles
     casts = geometry.casts.numpy()[:count] != 0
     if not casts.any():
-        return {"sky": wp.zeros(1, dtype=wp.float32, device=device), "sky_rows": 0}
+        return struct_array([set_fields(SkyGrid(), shares=wp.zeros(1, dtype=wp.float32, device=device))], device)
     corners = geometry.vertices.numpy()[np.unique(geometry.triangles.numpy()[:count][casts])]
     low, high = corners[:, :2].min(axis=0) - _MARGIN, corners[:, :2].max(axis=0) + _MARGIN
     cell = float(np.float32(max(_CELL, float((high - low).max()) / _MOST_CELLS)))
@@ -40,9 +40,9 @@ def sky_share_fields(geometry: Geometry, device: str) -> dict[str, Any]:
     corner = wp.vec2f(float(low[0]), float(low[1]))
     mesh = {"vertices": geometry.vertices, "triangles": geometry.triangles, "casts": geometry.casts}
     launch(raise_heights, count, device, corner=corner, out_heights=heights, **mesh, **grid)
-    directions = wp.array(np.array(turns, np.float32), dtype=wp.vec2f, device=device)
+    directions: DeviceArray = wp.array(np.array(turns, np.float32), dtype=wp.vec2f, device=device)
     launch(march_horizons, shares.size, device, heights=heights, directions=directions, out_shares=shares, **grid)
     launch(fill_houses, shares.size, device, shares=shares, columns=columns, rows=rows, out_shares=filled)
     if device != "cpu":
         wp.synchronize_stream(wp.get_stream(device))  # frames are recorded on streams of their own
-    return {"sky": filled, "sky_corner": corner, "sky_cell": cell, "sky_columns": columns, "sky_rows": rows}
+    return struct_array([set_fields(SkyGrid(), shares=filled, corner=corner, **grid)], device)
