@@ -24,11 +24,13 @@ _MARGIN = 40.0  # metres around the town
 
 def sky_grid(geometry: Geometry, device: str) -> DeviceArray:
     """Return the grid of a town, a one-element array of `SkyGrid`; it is empty without anything that hides the sky."""
-    count = geometry.static_triangles
-    casts = geometry.casts.numpy()[:count] != 0
-    if not casts.any():
-        return struct_array([set_fields(SkyGrid(), shares=wp.zeros(1, dtype=wp.float32, device=device))], device)
-    corners = geometry.vertices.numpy()[np.unique(geometry.triangles.numpy()[:count][casts])]
+    triangles = geometry.triangles.numpy()
+    hides = (geometry.casts.numpy() != 0) & (triangles[:, 0] < geometry.static_vertices)
+    if not hides.any():
+        none = wp.zeros(1, dtype=wp.float32, device=device)
+        return struct_array([set_fields(SkyGrid(), shares=none)], device)
+    triangles = triangles[hides]
+    corners = geometry.vertices.numpy()[np.unique(triangles)]
     low, high = corners[:, :2].min(axis=0) - _MARGIN, corners[:, :2].max(axis=0) + _MARGIN
     cell = float(np.float32(max(_CELL, float((high - low).max()) / _MOST_CELLS)))
     columns, rows = (int(float(extent) / cell) + 2 for extent in high - low)
@@ -38,8 +40,8 @@ def sky_grid(geometry: Geometry, device: str) -> DeviceArray:
     turns = [exact.sin_cos_deg(360.0 * (k + 0.5) / int(DIRECTIONS)) for k in range(int(DIRECTIONS))]
     grid = {"cell": cell, "columns": columns, "rows": rows}
     corner = wp.vec2f(float(low[0]), float(low[1]))
-    mesh = {"vertices": geometry.vertices, "triangles": geometry.triangles, "casts": geometry.casts}
-    launch(raise_heights, count, device, corner=corner, out_heights=heights, **mesh, **grid)
+    mesh = {"vertices": geometry.vertices, "triangles": wp.array(triangles, dtype=wp.vec3i, device=device)}
+    launch(raise_heights, len(triangles), device, corner=corner, out_heights=heights, **mesh, **grid)
     directions: DeviceArray = wp.array(np.array(turns, np.float32), dtype=wp.vec2f, device=device)
     launch(march_horizons, shares.size, device, heights=heights, directions=directions, out_shares=shares, **grid)
     launch(fill_houses, shares.size, device, shares=shares, columns=columns, rows=rows, out_shares=filled)

@@ -47,7 +47,6 @@ def edge(a: wp.vec3f, b: wp.vec3f, x: wp.float32, y: wp.float32) -> wp.float32:
 def raise_heights(
     vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
-    casts: wp.array[wp.int32],
     corner: wp.vec2f,
     cell: wp.float32,
     columns: wp.int32,
@@ -56,8 +55,6 @@ def raise_heights(
 ):
     """Raise the cells whose centre a triangle covers, seen from above, to its highest corner."""
     i = wp.tid()
-    if casts[i] == 0:
-        return
     t = triangles[i]
     a = vertices[t[0]]
     b = vertices[t[1]]
