@@ -74,10 +74,12 @@ def cumulus(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) ->
     y = (eye[1] + d[1] * rise * CUMULUS - air[0].drift[1]) / CUMULUS_SIZE
     edge = cumulus_edge(air)
     mass = cumulus_mass(x, y, air[0].seed)
-    if mass + 0.3 <= edge:
+    if mass + 0.36 <= edge:  # the details cannot lift it above the edge
         return wp.vec2f(0.0, 1.0)
     n = mass + cumulus_detail(x, y, foot * rise * rise * 1.3, air[0].seed)
     thick = smoothstep(edge, edge + 0.1, n)
+    if thick <= 0.0:
+        return wp.vec2f(0.0, 1.0)
     # Less cloud towards the sun lets its light through; the thickest parts show their dark base.
     sunward = cumulus_mass(x + air[0].sun[0] * SUN_STEP, y + air[0].sun[1] * SUN_STEP, air[0].seed)
     deep = smoothstep(edge + 0.02, edge + 0.34, n)
@@ -94,9 +96,11 @@ def cirrus(air: wp.array[Air], d: wp.vec3f) -> wp.float32:
     bend = noise2(0.7 * u, 0.7 * v, air[0].seed ^ seeds.CIRRUS)
     across = 0.86 * u - 0.5 * v + 1.3 * bend
     n = noise2(along, across, air[0].seed ^ seeds.CIRRUS) * 0.5 + bend * 0.2
+    low = 0.6 - 0.35 * air[0].cover
+    if n + 0.31 <= low:
+        return 0.0
     n = n + noise2(2.3 * along + 3.0, 3.9 * across, air[0].seed ^ seeds.CIRRUS) * 0.2
     n = n + noise2(5.0 * along, 11.0 * across + bend, air[0].seed ^ seeds.CIRRUS) * 0.1
-    low = 0.6 - 0.35 * air[0].cover
     return (0.28 + 0.4 * air[0].cover) * smoothstep(low, low + 0.4, n)
 
 
@@ -133,7 +137,9 @@ def sky(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.
     half = c * 0.5 + 0.5
     halo = lookup(air[0].halo, half * half, HALO_ROWS)
     fading = smoothstep(0.0, 0.16, d[2])
-    thin = cirrus(air, d) * fading * (1.0 - whole_cover)
+    thin = wp.float32(0.0)
+    if fading * (1.0 - whole_cover) > 0.0:
+        thin = cirrus(air, d) * fading * (1.0 - whole_cover)
     clear = mix(clear, air[0].cloud_bright + halo * 0.3, thin)
     cloud = cumulus(air, eye, d, foot)
     if cloud[0] <= 0.0:

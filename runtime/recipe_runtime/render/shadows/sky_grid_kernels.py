@@ -163,9 +163,10 @@ def sky_share(grid: wp.array[SkyGrid], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     z = p[2] + 0.4
     layer = wp.where(z < 4.0, 0, wp.where(z < 11.0, 1, 2))
     start = layer_height(layer)
-    low = layer_share(grid, layer, u, v)
-    high = layer_share(grid, layer + 1, u, v)
-    share = low + (high - low) * clamp01((z - start) / (layer_height(layer + 1) - start))
+    share = layer_share(grid, layer, u, v)
+    if z > start:
+        high = layer_share(grid, layer + 1, u, v)
+        share = share + (high - share) * clamp01((z - start) / (layer_height(layer + 1) - start))
     # A wall hides half of the sky itself: the light on walls is relative to what a free wall sees.
     walls = clamp01(1.0 - n[2] / FLAT)
     share = minimum(share * (1.0 + 0.6 * walls), 1.0)
