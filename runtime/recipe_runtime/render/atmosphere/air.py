@@ -50,6 +50,7 @@ class Air:
     ring_strength: wp.float32  # tilt of the water's normal by the rings of drops
     ring_step: wp.int32  # time in steps of 1/12 s; rings change at every fourth
     night: wp.float32  # 0 by day, 1 with all lamps on
+    running: wp.float32  # 0 to 1, head and tail lamps of vehicles
     emissive_gain: wp.float32  # factor of the radiance of lamps and lit windows; 1 in a clear night
     signal: wp.float32  # radiance of a traffic light
     seed: wp.uint32

@@ -24,6 +24,9 @@ from recipe_runtime.render.device.setup import wp
 
 MIN_VISUAL_RANGE = 45.0  # visual range in metres at fog_density 100
 LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade
+RUNNING_OFF_ON = 11.0, 6.0  # sun altitudes, degrees, between which vehicles turn on their lamps
+_FOG_LAYER = 120.0  # metres, the height of fog that does not thin upward
+_DOWNWARD = 0.6  # share of the light that fog scatters which reaches the ground
 _MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass
 _AEROSOL = np.array([0.8, 1.0, 1.35])  # relative, by colour: Angstrom's law with an exponent of 1.3
 _STREET_LIGHT = 1.0e-3  # light of lamps to which exposure adapts
@@ -87,6 +90,7 @@ class _State:
     cover: float  # cloud cover
     grey: float  # degree of overcast
     shine: float  # share of direct sunlight that clouds, rain, fog and dust transmit
+    scattered: float  # share of it that fog scatters
     night: float
     day: float  # brightness of the sky
 
@@ -135,6 +139,7 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
         wet=fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0)),
         puddles=fixed(w.precipitation_deposits / 100.0),
         night=fixed(s.night),
+        running=fixed(_running(s)),
         ring_strength=fixed(0.06 * s.rain),
         leaf_motion=fixed(min(1.0, w.wind_intensity / 60.0)),
         gust_shift=fixed(_GUST_SPEED / _LEAF_STEPS * w.wind_intensity / 100.0),
@@ -211,6 +216,7 @@ def _state_of(appearance: AppearancePlan) -> _State:
     rain, fog, dust = w.precipitation / 100.0, w.fog_density / 100.0, w.dust_storm / 100.0
     cover = 1.0 - (1.0 - w.cloudiness / 100.0) * (1.0 - 0.6 * rain)
     clouds = 1.0 - _smoothstep(0.1, 0.85, cover) * 0.95
+    clear, direct = clouds * (1.0 - 0.75 * rain) * (1.0 - 0.6 * dust), _through_fog(w, altitude)
     return _State(
         weather=w,
         altitude=altitude,
@@ -221,10 +227,19 @@ def _state_of(appearance: AppearancePlan) -> _State:
         dust=dust,
         cover=cover,
         grey=_smoothstep(0.25, 0.95, cover),
-        shine=clouds * (1.0 - 0.75 * rain) * exact.exp(-2.6 * fog * fog) * (1.0 - 0.6 * dust),
+        shine=clear * direct,
+        scattered=clear * (1.0 - direct),
         night=1.0 - _smoothstep(LAMPS_ON, LAMPS_OFF, altitude),
         day=sky.brightness(altitude),
     )
+
+
+def _through_fog(w: Weather, altitude: float) -> float:
+    """Return the share of direct sunlight that the fog above a street transmits; the rest becomes diffuse light."""
+    layer = min(10.0 / max(w.fog_falloff, 1e-6), _FOG_LAYER)  # metres, e-folding height of the density
+    slant = max(exact.sin_deg(max(altitude, 0.0)), 0.1)
+    # Drops diffract half of what they extinguish, half of that by little more than the sun's radius: it casts shadows.
+    return exact.exp(-0.75 * extinction(w.fog_density) * layer / slant)
 
 
 def _irradiance(s: _State, clear_sun: Colour) -> _Irradiance:
@@ -237,6 +252,8 @@ def _irradiance(s: _State, clear_sun: Colour) -> _Irradiance:
     overcast = overcast + clear_sun * (up * (1.0 - s.shine) * 0.32)
     overhead = _mix(_desaturate(0.54 * zenith + 0.33 * horizon, 0.5), overcast, s.grey)
     around = _mix(_desaturate(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, s.grey)
+    scattered = clear_sun * (up * _DOWNWARD * s.scattered)
+    overhead, around = overhead + scattered, around + 0.7 * scattered
     below = 0.25 * (sunlight * up + overhead) * np.array([1.0, 0.96, 0.9])
     walls = 0.05 * sunlight * (1.0 - up)  # light of a low sun, reflected by house fronts
     overhead = overhead + walls
@@ -301,6 +318,12 @@ def _unhazed(s: _State) -> Colour:
     )
 
 
+def _running(s: _State) -> float:
+    """Return how bright the head and tail lamps of vehicles are, 0 to 1: on from dusk, in rain, fog and dust."""
+    murk = max(_smoothstep(0.08, 0.25, s.rain), _smoothstep(0.15, 0.3, s.fog), _smoothstep(0.1, 0.3, s.dust))
+    return max(murk, _smoothstep(*RUNNING_OFF_ON, s.altitude))
+
+
 def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
     """Return the light of sun and sky to which a camera in a street adapts."""
     # A low sun illuminates the tops of houses; the street, for which the picture is exposed, is in their shade.
@@ -312,9 +335,9 @@ def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
 def _response(s: _State) -> float:
     """Return the target brightness of a picture: lower at dusk than by day, and in a street at night than at dusk."""
     deep = _smoothstep(-3.0, -13.0, s.altitude)
-    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.4 * deep
+    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.6 * deep
     veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
-    return clear * veiled * (1.0 + 0.5 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
+    return clear * veiled * (1.0 + 0.3 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
 
 
 def _smoothstep(start: float, end: float, x: float) -> float:

@@ -20,6 +20,7 @@ wp.set_module_options(OPTIONS)
 
 UNTOUCHED = wp.constant(8)  # of a tile: no moving object affects its light
 TILE = wp.constant(16)  # texels along the side of a tile, the unit of clearing and bounds
+MIN_FACING = wp.constant(wp.float32(0.08))  # cosine to the sun below which a surface's slope no longer grows
 
 
 @wp.struct
@@ -255,6 +256,20 @@ def mark_unshadowed(
 
 
 @wp.func
+def surface_slope(beams: wp.array[Sunbeam], k: wp.int32, n: wp.vec3f) -> wp.vec2f:
+    """Return how much the nearness of a plane with normal n rises from texel to texel, along u and v of map k."""
+    u = beams[k].u
+    v = beams[k].v
+    q = beams[k].q
+    # (The axes are orthogonal, those of u and v as long as a texel is short.)
+    facing = maximum((q[0] * n[0] + q[1] * n[1] + q[2] * n[2]) * beams[k].depth, MIN_FACING)
+    scale = beams[k].texel * beams[k].texel / (facing * beams[k].depth)
+    return wp.vec2f(
+        -(u[0] * n[0] + u[1] * n[1] + u[2] * n[2]) * scale, -(v[0] * n[0] + v[1] * n[1] + v[2] * n[2]) * scale
+    )
+
+
+@wp.func
 def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """Return the share of the sun visible from a point with normal n: nine bilinear taps, so edges are soft."""
     size = beams[k].size
@@ -262,12 +277,14 @@ def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec
         return 1.0
     texel = beams[k].texel
     lift = 0.6 * texel + 0.004
+    slope = wp.vec2f(0.0, 0.0)
     if p[2] > 0.3:
         # The filter reads up to two texels away. The more a surface is inclined to the sun, the more the depths there
         # differ: a bias prevents self-shadowing. The ground casts no shadow, so shadows on it need no bias.
         axis = beams[k].q
         facing = (axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]) * beams[k].depth
         lift = lift + 1.1 * texel * wp.sqrt(maximum(1.0 - facing * facing, 0.0))
+        slope = surface_slope(beams, k, n)
     r = wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift)
     u = axis_coordinate(beams[k].u, r) - 0.5
     v = axis_coordinate(beams[k].v, r) - 0.5
@@ -280,8 +297,9 @@ def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec
     within = beams[k].bounds[nonnegative((j / TILE) * (size / TILE) + i / TILE)]
     if q >= within[1]:
         return 1.0
-    if q < within[0]:
+    if q + 3.0 * (wp.abs(slope[0]) + wp.abs(slope[1])) < within[0]:
         return 0.0
+    # Each texel is compared with the surface's own nearness there, where that is larger.
     fu = u - wp.float32(i)
     fv = v - wp.float32(j)
     total = wp.float32(0.0)
@@ -292,14 +310,15 @@ def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec
         if y == 3:
             wy = fv
         base = nonnegative((j + y - 1) * size + i - 1)
+        level = q + slope[1] * (wp.float32(y) - 1.0 - fv) - slope[0] * fu
         row = wp.float32(0.0)
-        if beams[k].depths[base] <= q:
+        if beams[k].depths[base] <= maximum(level - slope[0], q):
             row = row + 1.0 - fu
-        if beams[k].depths[base + 1] <= q:
+        if beams[k].depths[base + 1] <= maximum(level, q):
             row = row + 1.0
-        if beams[k].depths[base + 2] <= q:
+        if beams[k].depths[base + 2] <= maximum(level + slope[0], q):
             row = row + 1.0
-        if beams[k].depths[base + 3] <= q:
+        if beams[k].depths[base + 3] <= maximum(level + 2.0 * slope[0], q):
             row = row + fu
         total = total + row * wy
     return total / 9.0
