@@ -160,7 +160,9 @@ class Renderer:
     def __init__(self, scene: ScenePlan) -> None:
         self._instances = [a.tag * 1000 + a.instance for a in scene.actors]
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
+    def observe(
+        self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+    ) -> Seen:
         h, w = camera.height, camera.width
         depth, instance = np.full((h, w), camera.far, np.float32), np.zeros((h, w), np.uint16)
         views = []
@@ -226,7 +228,9 @@ class Renderer:
 class SlowRenderer(Renderer):
     """Slow enough for a build to be interrupted."""
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
+    def observe(
+        self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+    ) -> Seen:
         time.sleep(0.05)
         return super().observe(camera, world_from_sensor, parts)
 

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import IntFlag
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class LampState(IntFlag):
+    """The lamps of a vehicle that are lit in a frame, besides head and tail lamps."""
+
+    BRAKE = 1
+    LEFT = 2  # the indicators of the left side
+    RIGHT = 4
+    REVERSE = 8
+
 
 Progress = Callable[[str, int, int], None]  # stage, done, total
 

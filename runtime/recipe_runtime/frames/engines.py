@@ -24,13 +24,14 @@ from recipe_runtime.meshes.mesh import Body
 class SceneRenderer(Protocol):
     """Renders one scene: an observation per frame, and from it a colour image per appearance."""
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Any:
+    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32]) -> Any:
         """Return the observation of one frame.
 
         Args:
             camera: The camera.
             world_from_sensor: Pose of the sensor, [3, 4].
             parts: World-from-part transforms, [P, 3, 4].
+            lamps: A mask of `LampState` for each actor, int32 [A].
         """
 
     def shade(

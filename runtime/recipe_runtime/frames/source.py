@@ -24,6 +24,7 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
 from recipe_runtime.frames.scene_motion import SceneMotion
+from recipe_runtime.frames.vehicle_lamps import VehicleLamps
 from recipe_runtime.insertion.inserter import Inserter
 from recipe_runtime.modalities import label_passes
 
@@ -60,7 +61,7 @@ class SceneSource:
     ) -> None:
         self.scene, self.trace, self.device = scene, trace, device
         self._engines = engines or real_engines()
-        self._motion = SceneMotion(scene, trace)
+        self._motion, self._lamps = SceneMotion(scene, trace), VehicleLamps(scene, trace)
         self._renderer = renderer
         self._annotator: Annotator | None = None
         self.inserter = Inserter(trace, self._engines.assets.image)
@@ -118,7 +119,8 @@ class SceneSource:
         """Return the observation of a frame by a sensor."""
         pose = sensor_transform(sensor, self.trace, frame)
         with self._discard_if_interrupted():
-            seen: Observed = self.renderer.observe(sensor.camera, pose, self._motion.parts(frame))
+            lamps = self._lamps.many(np.array([frame]))[0]
+            seen: Observed = self.renderer.observe(sensor.camera, pose, self._motion.parts(frame), lamps)
         return seen
 
     def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> LabelledFrame:
@@ -211,7 +213,9 @@ class SceneSource:
                 numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                prints = stream[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
+                rows = np.array(numbers)
+                batch = FrameBatch(numbers, times, poses, self._motion.many(rows), self._lamps.many(rows))
+                prints = stream[1].frames(batch)
                 for _ in numbers:
                     with timings("render"):
                         made = next(prints)

@@ -50,9 +50,14 @@ class Renderer:
         self._images = images or no_images
         self._camera = CameraPass(self._geometry, self._observer, sampler, shading, device, self.timings, reuse)
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
-        """Return the observation from `world_from_sensor` [3, 4] (x forward, y left, z up); `parts` is [P, 3, 4]."""
-        return self._observer.observe(camera, world_from_sensor, parts)
+    def observe(
+        self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+    ) -> Observation:
+        """Return the observation from `world_from_sensor` [3, 4] (x forward, y left, z up); `parts` is [P, 3, 4].
+
+        `lamps` int32 [A] is a mask of `LampState` for each actor; None: none of them is lit.
+        """
+        return self._observer.observe(camera, world_from_sensor, parts, lamps)
 
     def shade(
         self,

@@ -13,7 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import Lockfile
@@ -44,7 +46,9 @@ def counting(frames: list[float]) -> Engines:
     """Return engines that record the times of observed frames, in this process only."""
 
     class Counted(Renderer):
-        def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
+        def observe(
+            self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+        ) -> Seen:
             frames.append(0.0)
             return super().observe(camera, world_from_sensor, parts)
 

@@ -25,7 +25,9 @@ def counting(calls: Calls) -> Engines:
     """Return engines that record their calls, in this process only."""
 
     class Counted(Renderer):
-        def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
+        def observe(
+            self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+        ) -> Seen:
             calls.append(("observe", None))
             return super().observe(camera, world_from_sensor, parts)
 

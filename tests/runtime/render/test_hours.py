@@ -90,12 +90,12 @@ def test_a_street_without_lamps_has_a_longer_exposure() -> None:
         return Renderer([Body("wall", 0, (("s", box([0, 5, 0], [1, 6, 6], PANES, lit)),))])._geometry
 
     eye, night = np.array([0.0, 0.0, 1.6]), initial_light(appearance(-30.0), "cpu")
-    light = [lamplight(lamps(count), eye) for count in (0, 1, 3, 6, 12)]
+    light = [lamplight(lamps(count), eye, NOBODY) for count in (0, 1, 3, 6, 12)]
     assert light == sorted(light)
     assert light[0] < 0.5 < light[-1]
     gains = [night.exposure(level) for level in light]
     assert gains == sorted(gains, reverse=True)
-    near, past = (lamplight(lamps(6), eye + np.array([dx, 0.0, 0.0])) for dx in (0.0, 1.0))
+    near, past = (lamplight(lamps(6), eye + np.array([dx, 0.0, 0.0]), NOBODY) for dx in (0.0, 1.0))
     assert abs(past - near) < 0.06 * near  # one metre on, the exposure hardly changes
     noon = initial_light(appearance(60.0), "cpu")
     assert noon.exposure(0.3) == noon.exposure(2.0)

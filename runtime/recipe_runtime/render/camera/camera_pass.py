@@ -171,7 +171,9 @@ class CameraPass:
 
     def _exposure(self, obs: Observation, light: WeatherLight) -> float:
         """Return the gain of automatic exposure."""
-        return light.exposure(lamplight(self._g, obs.world_from_sensor[:, 3]) if light.lamplight > 0.0 else 1.0)
+        return light.exposure(
+            lamplight(self._g, obs.world_from_sensor[:, 3], obs.parts) if light.lamplight > 0.0 else 1.0
+        )
 
     def _rain(self, obs: Observation, seed: int, light: WeatherLight, time: float) -> DeviceArray:
         if light.rain <= 0.0:

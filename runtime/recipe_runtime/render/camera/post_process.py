@@ -42,9 +42,8 @@ class PostProcess:
             return obs
         by_supersampling = self._undistorted.setdefault(obs, {})
         if supersample not in by_supersampling:
-            by_supersampling[supersample] = self._observer.observe(
-                straight, obs.world_from_sensor, obs.parts, optics.focal_length(obs.camera)
-            )
+            pose, parts, focal = obs.world_from_sensor, obs.parts, optics.focal_length(obs.camera)
+            by_supersampling[supersample] = self._observer.observe(straight, pose, parts, obs.lamps, focal)
         return by_supersampling[supersample]
 
     def hdr_image(self, exposed: Exposed, undistorted: Observation, r: Response) -> DeviceArray:

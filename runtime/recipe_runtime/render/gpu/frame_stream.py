@@ -49,6 +49,7 @@ class FrameBatch:
     times: Sequence[float]  # seconds
     poses: Array  # [F, 3, 4] world from sensor
     parts: Array  # [F, P, 3, 4] world from part
+    lamps: NDArray[np.int32] | None = None  # [F, A] masks of `LampState`; None: none of these lamps is lit
 
 
 class FrameStream:
@@ -145,10 +146,14 @@ class FrameStream:
         held = self._put_lamps(rows, world, poses) if self._burning else []
         for name, column in zip(lights.BODY_NAMES, lights.body_columns(self._g, parts), strict=True):
             put(rows, f"bodies {name}", column)
+        dark = np.zeros((stop - start, len(self._g.actors)), np.int32)
+        put(rows, "lit", lights.lit_surfaces(self._g, dark if batch.lamps is None else batch.lamps[span]))
         put(rows, "samples", eyes, span_of(sample_kernels.Samples, "eye")[0])
         held += [beam for row, pose in zip(rows, poses, strict=True) for beam in self._put_beams(row, pose)]
-        for row, pose, number, time in zip(rows, poses, batch.numbers[span], batch.times[span], strict=True):
-            self._put_light(row, pose, number, time)
+        for row, pose, moved, number, time in zip(
+            rows, poses, parts, batch.numbers[span], batch.times[span], strict=True
+        ):
+            self._put_light(row, pose, moved, number, time)
         under_way = _CHUNK + len(self._recorded)
         maps = 2 * len(self._setup.suns) + (STATIC_SLOTS if self._burning else 0)
         self._maps = (self._maps + held)[-under_way * max(maps, 1) :]
@@ -181,7 +186,7 @@ class FrameStream:
             self._setup.layout.put_records(row, f"beams {n}", [*static, *moving])
         return held
 
-    def _put_light(self, row: NDArray[np.uint8], pose: Array, number: int, time: float) -> None:
+    def _put_light(self, row: NDArray[np.uint8], pose: Array, parts: Array, number: int, time: float) -> None:
         """Put the light, rain and camera response of every appearance at a time into a row."""
         layout = self._setup.layout
         for v, look in enumerate(self._setup.appearances):
@@ -190,13 +195,13 @@ class FrameStream:
             layout.put_records(row, f"air {v}", [look.air])
             if light.rain > 0.0:
                 layout.put_records(row, f"rain {v}", [rain_at(pose, light, time, seed)])
-            response = self._response(v, look, pose[:, 3])
+            response = self._response(v, look, pose[:, 3], parts)
             set_fields(response, key=noise_key(seed, self._sensor, number))
             layout.put_records(row, f"response {v}", [response])
 
-    def _response(self, v: int, look: ShadedAppearance, eye: Array) -> Response:
+    def _response(self, v: int, look: ShadedAppearance, eye: Array, parts: Array) -> Response:
         """Return the response of appearance `v` without the key of its noise; computed again if the lamps changed."""
-        lamps = lights.lamplight(self._g, eye) if look.light.lamplight > 0.0 else 1.0
+        lamps = lights.lamplight(self._g, eye, parts) if look.light.lamplight > 0.0 else 1.0
         latest = self._responses.get(v)
         if latest is None or latest[0] != lamps:
             latest = lamps, response_of(look.response, look.light.exposure(lamps), 0, self._camera)

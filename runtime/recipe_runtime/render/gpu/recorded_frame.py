@@ -164,8 +164,11 @@ class RecordedFrame:
         views, static = [b[f"lamp maps {name}"] for name in MAP_NAMES], b["lamp maps static"]
         self._lamp_maps = struct_array([maps_of(views, static, self._buffers.lamp_maps)], device)
         columns = [b[f"lamps {name}"] for name in lights.LAMP_NAMES]
-        burning = lights.lamps_of(g, columns, self._lamp_maps, device)
-        self._lamps = {True: struct_array([burning], device), False: struct_array([lights.no_lamps(device)], device)}
+        burning, dark = (
+            lights.lamps_of(g, columns, self._lamp_maps, b["lit"], device),
+            lights.no_lamps(b["lit"], device),
+        )
+        self._lamps = {True: struct_array([burning], device), False: struct_array([dark], device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
         self._bodies = struct_array([lights.bodies_of(columns, columns[0].size)], device)
 

@@ -80,6 +80,7 @@ def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:
     columns = lights.body_columns(g, none)
     for name, kind, column in zip(lights.BODY_NAMES, lights.BODY_KINDS, columns, strict=True):
         layout.add(f"bodies {name}", kind, (column.shape[1],))
+    layout.add("lit", wp.float32, (len(g.surfaces),))
     layout.add("samples", Samples, (1,))
     for n in range(suns):
         layout.add(f"beams {n}", Sunbeam, (4,))

@@ -12,9 +12,10 @@ from weakref import WeakKeyDictionary
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.render.atmosphere.weather_light import WeatherLight
 from recipe_runtime.render.device.arrays import DeviceArray, struct_array
+from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.buffers import TileLists
-from recipe_runtime.render.lighting.lights import bodies_at, lamp_columns, lamps_at, no_lamps
+from recipe_runtime.render.lighting.lights import bodies_at, lamp_columns, lamps_at, lit_surfaces, no_lamps
 from recipe_runtime.render.lighting.tile_list_kernels import Lamps
 from recipe_runtime.render.raster.label_kernels import TILE
 from recipe_runtime.render.raster.observation import Observation
@@ -74,7 +75,8 @@ class LightSources:
 
     def _listed(self, obs: Observation, lit: bool) -> TiledLights:
         device = self._device
-        lamps = struct_array([self._lamps(obs) if lit else no_lamps(device)], device)
+        shown: DeviceArray = wp.array(lit_surfaces(self._g, obs.lamps), dtype=wp.float32, device=device)
+        lamps = struct_array([self._lamps(obs, shown) if lit else no_lamps(shown, device)], device)
         bodies = struct_array([bodies_at(self._g, obs.parts, device)], device)
         tiles = -(-obs.camera.width // int(TILE)) * -(-obs.camera.height // int(TILE))
         lists = TileLists.empty(tiles, device)
@@ -83,13 +85,13 @@ class LightSources:
         passes.list_lights(obs.keys, obs.camera, back, view, lamps, bodies, lists, device)
         return TiledLights(lamps, bodies, lists)
 
-    def _lamps(self, obs: Observation) -> Lamps:
-        """Return the lamps near a camera, with their shadow maps."""
+    def _lamps(self, obs: Observation, shown: DeviceArray) -> Lamps:
+        """Return the lamps near a camera, with their shadow maps; `shown` are the lit surfaces of vehicles."""
         columns, slots = lamp_columns(self._g, world_from_parts(obs.parts), obs.world_from_sensor)
         with self._timings("lamp shadows"):
             maps, memory = self._lamp_maps.draw(slots, *self._moving(obs))
         weakref.finalize(obs, self._lamp_maps.give_back, memory).atexit = False
-        return lamps_at(self._g, columns, maps, self._device)
+        return lamps_at(self._g, columns, maps, shown, self._device)
 
     def _moving(self, obs: Observation) -> tuple[DeviceArray, DeviceArray]:
         """Return the transforms from the parts to the world, and the moving vertices there."""

@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recipe_runtime.core.interfaces import LampState
 from recipe_runtime.core.transforms import Array
+from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.shadows.lamp_shadow_maps import no_maps, uploaded
-from recipe_runtime.render.shadows.lamp_slots import LampSlots, assign_slots, shadow_column
+from recipe_runtime.render.shadows.lamp_slots import LampSlots, assign_slots, lamp_leaders, shadow_column
 
 _CANDELA = 1.0 / 11000.0  # light of one candela on a white surface at one metre, in the scale of `Air`
 _SPILL = 1400.0  # candela above which the light near a lamp grows with the square root
@@ -23,6 +25,16 @@ _LIT_STREET = 3.1e-3  # the light of all lamps near a street that is lit
 _UNLIT = 0.3  # the minimum that a street counts as, relative to that
 _MAX_HEIGHT = 0.4  # metres above the ground at which a part no longer darkens it
 _MAX_OCCLUSION = 0.72  # share of the sky's light that a wide body on the ground blocks
+_STATE_OF_SLOT = {
+    "brakelight": LampState.BRAKE,
+    "indicator_left": LampState.LEFT,
+    "indicator_right": LampState.RIGHT,
+    "reverselight": LampState.REVERSE,
+}
+_TYPICAL_STREET = 1.0e-3  # the light of lamps on a typical street, as `weather_light` counts it
+_METERED = 0.5  # weight of the road in the metering
+_ROAD_AHEAD = (5.0, 6.5, 8.5, 11.0, 14.0)  # metres ahead of a vehicle's origin where a camera on it meters the road
+_MOUNT_MARGIN = np.array([[1.0, 0.3, 0.3], [0.6, 0.3, 1.2]])  # metres behind and ahead of a vehicle, and so on
 _NOWHERE = 1.0e9  # metres, a coordinate out of reach
 LAMP_NAMES = ("position", "direction", "power", "cone", "reach", "shadow")
 LAMP_KINDS = (wp.vec3f, wp.vec3f, wp.vec3f, wp.vec2f, wp.float32, wp.vec2f)
@@ -30,24 +42,62 @@ BODY_NAMES = ("centre", "axis", "half", "spread", "strength")
 BODY_KINDS = (wp.vec3f, wp.vec2f, wp.vec2f, wp.float32, wp.float32)
 
 
-def lamplight(geometry: Geometry, eye: Array) -> float:
-    """Return the light of the static lamps on the street near an eye [3], relative to a typical street.
+def lamplight(geometry: Geometry, eye: Array, parts: Array) -> float:
+    """Return the light to which a camera adapts, relative to a typical street.
 
-    A lamp counts as if it were at least 10 m away, so that passing one changes little.
+    It is that of the static lamps near it, and of the headlights of the vehicle that carries it. A static lamp counts
+    as if it were at least 10 m away, so that passing one changes little.
+
+    Args:
+        geometry: The scene.
+        eye: The camera's place in the world, [3].
+        parts: World from part, [P, 3, 4].
     """
     lights = geometry.light_rows[geometry.light_parts == 0]
     dx, dy, dz = (lights[:, axis] - float(eye[axis]) for axis in range(3))
     near = _power(lights[:, 9]) / (dx * dx + dy * dy + dz * dz + 100.0)
     total = float(np.add.accumulate(near)[-1]) if len(near) else 0.0  # sequential sum: the same on every CPU
-    return min(max(total / _LIT_STREET, _UNLIT), 2.0)
+    return min(max(total / _LIT_STREET, _UNLIT), 2.0) + headlight(geometry, eye, parts)
 
 
-def lamps_at(geometry: Geometry, columns: Sequence[Array], maps: DeviceArray, device: str) -> Lamps:
-    """Return the struct of the lamps of `lamp_columns`, with their shadow maps."""
-    return lamps_of(geometry, uploaded(columns, LAMP_KINDS, device), maps, device)
+def headlight(geometry: Geometry, eye: Array, parts: Array) -> float:
+    """Return the light of its own headlights on the road ahead of a camera on a vehicle, relative to a typical street.
+
+    It is 0 for other cameras. `eye` [3] is the camera's place in the world, `parts` [P, 3, 4] are world from part.
+    """
+    for actor in geometry.actors:
+        mounted = np.flatnonzero(geometry.light_parts == 1 + actor.first_part)
+        if len(mounted) and _carries(parts[actor.first_part], geometry.part_bounds[actor.first_part], eye):
+            rows = geometry.light_rows[mounted]
+            sums = [_on_road(rows, distance) for distance in _ROAD_AHEAD]
+            return round(sum(sums) / len(sums) * _METERED / _TYPICAL_STREET, 3)
+    return 0.0
 
 
-def lamps_of(geometry: Geometry, columns: Sequence[Any], maps: DeviceArray, device: str) -> Lamps:
+def _carries(world: Array, box: Array, eye: Array) -> bool:
+    """Return whether an eye is in or on the base part of a vehicle."""
+    away = eye - world[:, 3]
+    own = (world[0] * away[0] + world[1] * away[1]) + world[2] * away[2]
+    return bool((own[:3] > box[0] - _MOUNT_MARGIN[0]).all() and (own[:3] < box[1] + _MOUNT_MARGIN[1]).all())
+
+
+def _on_road(rows: Array, distance: float) -> float:
+    """Return the light of lamps on a vehicle on the road at a distance ahead of its origin, as `lamp_light` does."""
+    x, y, z = distance - rows[:, 0], -rows[:, 1], -rows[:, 2]
+    square = x * x + y * y + z * z
+    reach = np.sqrt(square)
+    within = (x * rows[:, 3] + y * rows[:, 4] + z * rows[:, 5]) / reach
+    spot = np.minimum(np.maximum((within - rows[:, 10]) / (0.75 * (1.0 - rows[:, 10])), 0.0), 1.0)
+    share = spot * spot * (3.0 - 2.0 * spot) * (rows[:, 2] / reach + 0.12) / 1.12 / (square + 0.15)
+    return float(np.add.accumulate(_power(rows[:, 9]) * share)[-1])
+
+
+def lamps_at(geometry: Geometry, columns: Sequence[Array], maps: DeviceArray, lit: DeviceArray, device: str) -> Lamps:
+    """Return the struct of the lamps of `lamp_columns`, with their shadow maps; `lit` float32 [S] as `Lamps.lit`."""
+    return lamps_of(geometry, uploaded(columns, LAMP_KINDS, device), maps, lit, device)
+
+
+def lamps_of(geometry: Geometry, columns: Sequence[Any], maps: DeviceArray, lit: DeviceArray, device: str) -> Lamps:
     """Return the struct of lamps whose columns are on the device."""
     crowded = len(geometry.lights) > _MAX_LAMPS  # then the selected lamps may change from frame to frame
     moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MAX_LAMPS]] or [1]
@@ -56,6 +106,7 @@ def lamps_of(geometry: Geometry, columns: Sequence[Any], maps: DeviceArray, devi
         **dict(zip(LAMP_NAMES, columns, strict=True)),
         moves=wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device),
         maps=maps,
+        lit=lit,
         count=min(len(geometry.lights), _MAX_LAMPS),
     )
 
@@ -79,7 +130,7 @@ def lamp_columns(geometry: Geometry, world: Array, pose: Array) -> tuple[tuple[A
     position = _rotated(carrier, lights[:, 0:3]) + carrier[..., 3]
     slots = assign_slots(geometry, position, to, shape[:, 2], pose)
     rest = np.broadcast_to(np.concatenate([power, shape], axis=-1), (*to.shape[:-1], 6))
-    rows = np.concatenate([position, to, rest, shadow_column(slots, len(lights))], axis=-1)
+    rows = np.concatenate([position, to, rest, shadow_column(slots, lamp_leaders(geometry))], axis=-1)
     if len(geometry.lights) > _MAX_LAMPS:
         away = rows[..., 0:3] - eye[..., None, :]
         gaps = (away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2]
@@ -89,11 +140,34 @@ def lamp_columns(geometry: Geometry, world: Array, pose: Array) -> tuple[tuple[A
     return columns, slots
 
 
-def no_lamps(device: str) -> Lamps:
-    """Return the struct of no lamps, for daylight."""
+def lit_surfaces(geometry: Geometry, states: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return which surfaces are lamps of vehicles that are lit: 1 or 0, [..., S].
+
+    Head and tail lamps count as lit: the weather determines their radiance (`Air.running`).
+
+    Args:
+        geometry: The scene.
+        states: A mask of `LampState` for each actor, [..., A].
+    """
+    keys = geometry.surfaces
+    bits = np.array([int(_STATE_OF_SLOT.get(key.slot, 0)) for key in keys], np.int32)
+    town = np.zeros((*states.shape[:-1], 1), np.int32)  # the last column, which actor -1 reads
+    carried = np.concatenate([states, town], axis=-1)[..., np.array([key.actor for key in keys], np.int64)]
+    always = np.array([key.pattern in (Pattern.HEADLIGHT, Pattern.TAILLIGHT) for key in keys])
+    lit: NDArray[np.float32] = (((carried & bits) != 0) | always).astype(np.float32)
+    return lit
+
+
+def no_lamps(lit: DeviceArray, device: str) -> Lamps:
+    """Return the struct of no lamps, for daylight, in which surfaces of vehicles may be lit."""
     columns = {name: wp.zeros(1, dtype=kind, device=device) for name, kind in zip(LAMP_NAMES, LAMP_KINDS, strict=True)}
     return set_fields(
-        Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), maps=no_maps(device), count=0
+        Lamps(),
+        **columns,
+        moves=wp.zeros(1, dtype=wp.int32, device=device),
+        maps=no_maps(device),
+        lit=lit,
+        count=0,
     )
 
 

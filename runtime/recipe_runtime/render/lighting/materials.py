@@ -152,11 +152,9 @@ def material_of(
     elif pattern == Pattern.SIGNAL:
         m.glow = first * air[0].signal
     elif pattern == Pattern.HEADLIGHT:
-        m.glow = first * (air[0].night * air[0].emissive_gain * 5.0e-2)
         m.coat = 0.2
         m.gloss = 0.9
     elif pattern == Pattern.TAILLIGHT:
-        m.glow = first * (air[0].night * air[0].emissive_gain * 6.0e-3)
         m.coat = 0.08
         m.gloss = 0.9
     elif (
@@ -245,6 +243,27 @@ def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, s
 
 
 @wp.func
+def is_vehicle_lamp(pattern: wp.int32) -> bool:
+    """Return whether a surface is a lamp of a vehicle."""
+    running = pattern == Pattern.HEADLIGHT or pattern == Pattern.TAILLIGHT
+    signal = pattern == Pattern.BRAKELIGHT or pattern == Pattern.INDICATOR or pattern == Pattern.REVERSELIGHT
+    return running or signal
+
+
+@wp.func
+def lamp_radiance(air: wp.array[Air], pattern: wp.int32) -> wp.float32:
+    """Return the radiance of a lit lamp of a vehicle, relative to its colour."""
+    radiance = air[0].signal * 4.5
+    if pattern == Pattern.HEADLIGHT:
+        radiance = air[0].running * air[0].emissive_gain * 5.0e-2
+    elif pattern == Pattern.TAILLIGHT:
+        radiance = air[0].running * air[0].emissive_gain * 6.0e-3
+    elif pattern == Pattern.REVERSELIGHT:
+        radiance = air[0].signal * 3.0
+    return radiance
+
+
+@wp.func
 def dry_material(
     samples: wp.array[Samples],
     colours: wp.array[SurfaceColours],
@@ -253,8 +272,9 @@ def dry_material(
     surface: wp.int32,
     pattern: wp.int32,
     n: wp.vec3f,
+    lit: wp.float32,
 ) -> Material:
-    """Return the dry material of a sample, with the colours of its surface and image."""
+    """Return the dry material of a sample, with the colours of its surface and image; `lit`: a lit vehicle lamp."""
     detail = samples[0].details[i]
     first = colours[0].first[surface]
     second = colours[0].second[surface]
@@ -263,7 +283,10 @@ def dry_material(
         if image >= 0:
             first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
         detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
-    return material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
+    m = material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
+    if lit > 0.0 and is_vehicle_lamp(pattern):
+        m.glow = first * (lamp_radiance(air, pattern) * maximum(detail[0], 0.3))
+    return m
 
 
 @wp.func

@@ -228,7 +228,9 @@ class SurfaceLight:
 @wp.func
 def surface_radiance(albedo: wp.vec3f, glow: wp.vec3f, lit: SurfaceLight) -> wp.vec3f:
     """Return the radiance of a surface, except for what wet ground mirrors."""
-    return mix(lit.veil, multiply(albedo, lit.light) + glow + lit.shine + lit.sky, lit.left) + lit.glow
+    seen = mix(lit.veil, multiply(albedo, lit.light) + lit.shine + lit.sky, lit.left)
+    # Drops diffract half of what they extinguish by less than a degree: that of a lamp still arrives.
+    return seen + glow * wp.sqrt(lit.left) + lit.glow
 
 
 @wp.func
@@ -319,7 +321,7 @@ def shade_surface(
 ):
     """Return the radiance of a sample of a surface, share and gloss of its mirror reflection, and its reuse class."""
     distance, sight, n, facing = facing_eye(to_point, n)
-    m = dry_material(samples, colours, air, i, surface, pattern, n)
+    m = dry_material(samples, colours, air, i, surface, pattern, n, lamps[0].lit[surface])
     m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
     if patches[0].count > 0:
         m = patched_material(patches, colours[0].album, samples, i, surface, m)

@@ -43,6 +43,7 @@ class Lamps:
     shadow: wp.array[wp.vec2f]  # slot of its shadow maps, and the strength of its shadow
     moves: wp.array[wp.int32]  # 1: may move between frames
     maps: wp.array[LampMaps]  # one element
+    lit: wp.array[wp.float32]  # by surface, 1 for a lamp of a vehicle that is lit
     count: wp.int32
 
 

@@ -73,6 +73,7 @@ class Observation(FrameLabels):
         repr=False
     )  # the tiles in which moving objects may be visible, as `all_tiles` encodes them
     surfaces: VisibleSurfaces = field(repr=False)  # for passes of further labels, which are computed on demand
+    lamps: NDArray[np.int32] = field(repr=False)  # [A], a mask of `LampState` for each actor
 
     def drawn(self, label_pass: LabelPass) -> NDArray[np.generic]:
         """Return the array of a pass: [H, W], or [H, W, channels] of a pass with several."""

@@ -77,7 +77,12 @@ class Observer:
         )  # None: observed once, so the camera may be moving
 
     def observe(
-        self, camera: CameraPlan, world_from_sensor: Array, parts: Array, focal: float | None = None
+        self,
+        camera: CameraPlan,
+        world_from_sensor: Array,
+        parts: Array,
+        lamps: NDArray[np.int32] | None = None,
+        focal: float | None = None,
     ) -> Observation:
         """Return the observation of one frame.
 
@@ -85,8 +90,8 @@ class Observer:
             camera: The camera.
             world_from_sensor: Its pose, [3, 4].
             parts: World transforms of the moving parts, [P, 3, 4].
-            focal: Focal length of the picture for which the objects' levels are chosen, in its pixels; of the camera
-                itself if it is None.
+            lamps: A mask of `LampState` for each actor, [A]; None: none of them is lit.
+            focal: Focal length, in pixels, for which the objects' levels are chosen; None: that of the camera.
         """
         focal = focal or focal_length(camera)
         if len(parts) != self._g.parts:
@@ -126,6 +131,7 @@ class Observer:
             pose=pose,
             touched=touched,
             surfaces=VisibleSurfaces(self._g, camera, keys, vertices, matrices, self._device),
+            lamps=np.zeros(len(self._g.actors), np.int32) if lamps is None else lamps,
         )
         if still is not None:
             weakref.finalize(made, still.give_back, vertices).atexit = False

@@ -101,7 +101,7 @@ def record_light(
     pattern = colours[0].pattern[surface]
     phase = swaying_phase(air, pattern, p, to_point)
     distance, sight, n, facing = facing_eye(to_point, n)
-    m = dry_material(samples, colours, air, i, surface, pattern, n)
+    m = dry_material(samples, colours, air, i, surface, pattern, n, lamps[0].lit[surface])
     m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
     out_albedo[k] = m.albedo
     out_glow[k] = m.glow

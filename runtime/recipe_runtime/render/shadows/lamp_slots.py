@@ -55,14 +55,17 @@ def assign_slots(geometry: Geometry, position: Array, direction: Array, reach: A
     """
     if not geometry.lights:
         return _no_slots(pose.shape[:-2])
-    away = position - (pose[..., 3] + pose[..., 0] * _AHEAD)[..., None, :]
+    leaders = lamp_leaders(geometry)
+    middle = _middles(position, leaders)
+    away = middle - (pose[..., 3] + pose[..., 0] * _AHEAD)[..., None, :]
     distance = np.sqrt((away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2])
     moves = geometry.light_parts != 0
     still = _nearest(distance, np.flatnonzero(~moves), STATIC_SLOTS, _STATIC_END)
-    moving = _nearest(distance, np.flatnonzero(moves), MOVING_SLOTS, _MOVING_END)
+    carried = np.flatnonzero(moves & (leaders == np.arange(len(leaders))))
+    moving = _nearest(distance, carried, MOVING_SLOTS, _MOVING_END)
     lights, weights = np.concatenate([still[0], moving[0]], axis=-1), np.concatenate([still[1], moving[1]], axis=-1)
     chosen = lights[..., None]
-    at, aim = (np.take_along_axis(values, chosen, axis=-2) for values in (position, direction))
+    at, aim = (np.take_along_axis(values, chosen, axis=-2) for values in (middle, direction))
     right, down = _across(aim)
     axes = [np.concatenate([axis, -_along(axis, at)], axis=-1) for axis in (right, down, aim)]
     cosine = np.maximum(geometry.light_rows[:, 10][lights], _MIN_COSINE)
@@ -76,8 +79,20 @@ def assign_slots(geometry: Geometry, position: Array, direction: Array, reach: A
     return LampSlots(lights, weights, (*axes, lens, _mounted_on(geometry)[lights]))
 
 
-def shadow_column(slots: LampSlots, count: int) -> Array:
-    """Return the slot and the weight of each of `count` lights, [..., L, 2]."""
+def lamp_leaders(geometry: Geometry) -> NDArray[np.int64]:
+    """Return for each light the first that is on the same part and points in the same direction, [L].
+
+    The headlights of a vehicle share one map, seen from the middle between them. Lamps of the town have one each.
+    """
+    first: dict[tuple[float, ...], int] = {}
+    rows = zip(geometry.light_parts.tolist(), geometry.light_rows[:, 3:6].tolist(), strict=True)
+    keys = [(float(part), *aim) if part else (0.0, float(n)) for n, (part, aim) in enumerate(rows)]
+    return np.array([first.setdefault(key, n) for n, key in enumerate(keys)], np.int64)
+
+
+def shadow_column(slots: LampSlots, leaders: NDArray[np.int64]) -> Array:
+    """Return the slot and the weight of each light, [..., L, 2]; `leaders` as from `lamp_leaders`."""
+    count = len(leaders)
     shape = slots.weights.shape[:-1]
     numbers, weights = np.zeros((*shape, count)), np.zeros((*shape, count))
     # (Unused slots refer to light 0, which may have a slot of its own, so used slots are written last.)
@@ -85,7 +100,17 @@ def shadow_column(slots: LampSlots, count: int) -> Array:
     lights = np.take_along_axis(slots.lights, order, axis=-1)
     np.put_along_axis(numbers, lights, order.astype(np.float64), axis=-1)
     np.put_along_axis(weights, lights, np.take_along_axis(slots.weights, order, axis=-1), axis=-1)
-    return np.stack([numbers, weights], axis=-1)
+    return np.stack([numbers, weights], axis=-1)[..., leaders, :]
+
+
+def _middles(position: Array, leaders: NDArray[np.int64]) -> Array:
+    """Return the middle of the lights of each leader at its place, [..., L, 3]."""
+    total, count = np.zeros_like(position), np.zeros(len(leaders))
+    for n, leader in enumerate(leaders.tolist()):
+        total[..., leader, :] += position[..., n, :]
+        count[leader] += 1.0
+    middle: Array = total / np.maximum(count, 1.0)[:, None]
+    return middle
 
 
 def _nearest(distance: Array, members: NDArray[np.int64], slots: int, end: float) -> tuple[NDArray[np.int64], Array]:
