@@ -13,7 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import Lockfile

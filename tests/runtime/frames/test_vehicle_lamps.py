@@ -19,7 +19,10 @@ TURNS = LampState.LEFT | LampState.RIGHT
 
 def lamps_on(speeds: list[float], yaws: list[float], *, parked: bool = False) -> NDArray[np.int32]:
     """Return the masks of a vehicle with a speed (negative: backwards) and a direction in degrees in each frame."""
-    place, places, turned, rates = np.zeros(2), [], [], []
+    places: list[list[float]] = []
+    turned: list[list[float]] = []
+    rates: list[list[float]] = []
+    place: NDArray[np.float64] = np.zeros(2)
     for speed, yaw in zip(speeds, yaws, strict=True):
         way = np.array(exact.sin_cos_deg(yaw)[::-1])
         places.append([*place, 0.0])

@@ -1,4 +1,4 @@
-"""Sun shadows: a plane does not shadow itself, a shadow begins at its object, and fog dissolves it."""
+"""Sun shadows: a plane does not shadow itself, a shadow begins at its object, fog dissolves it; lamps in fog."""
 
 from __future__ import annotations
 
@@ -67,3 +67,17 @@ def test_fog_turns_sunlight_into_diffuse_light() -> None:
     assert contrasts[0] > 0.5
     assert contrasts[-1] < 0.1
     assert levels[-1] > 0.25 * levels[0]  # most of the light is still there
+
+
+def test_a_lamp_is_seen_farther_through_fog_than_other_things() -> None:
+    """The light of a lamp falls with the square root of what Koschmieder's law leaves of a contrast."""
+    lamp = quad([[0, 4, 0], [0, -4, 0], [0, -4, 8], [0, 4, 8]], [[0, 0]] * 4, Surface("lamp", Pattern.LAMP, 6))
+    renderer, camera = Renderer([Body("bulb", 0, (("s", lamp),))]), CameraPlan(width=32, height=32, fov=20)
+    seen = [renderer.observe(camera, from_pose(Pose(x=-at, z=4.0)), NOBODY) for at in (5.0, 45.0)]
+    light = []
+    for colour in ("#ffd8a0", "#000000"):
+        plan = appearance(-40.0, looks={"bulb": {"lamp": colour}}, fog_density=100.0, fog_distance=0.0, fog_falloff=0.0)
+        light.append([float(renderer.radiance(obs, plan)[16, 16, 0]) for obs in seen])
+    near, far = (lit - dark for lit, dark in zip(*light, strict=True))
+    left = exact.exp(-3.912 / 45.0 * 40.0)
+    assert 0.9 * np.sqrt(left) < far / near < 1.1 * np.sqrt(left)

@@ -34,9 +34,13 @@ def joined(meshes: list[Mesh]) -> Mesh:
         rows.append(mesh.triangles + first)
         numbers.append(np.full(len(mesh.triangles), n, np.int32))
         first += len(mesh.vertices)
-    columns = [np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("vertices", "normals", "uvs")]
+    vertices, normals, uvs = (
+        np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("vertices", "normals", "uvs")
+    )
     surfaces = tuple(mesh.surfaces[0] for mesh in meshes)
-    return Mesh(*columns, np.concatenate(rows), np.concatenate(numbers), surfaces, meshes[0].lights)
+    return Mesh(
+        vertices, normals, uvs, np.concatenate(rows), np.concatenate(numbers), surfaces, lights=meshes[0].lights
+    )
 
 
 def car(lights: tuple[Light, ...] = ()) -> Body:

@@ -352,7 +352,7 @@ def _response(s: _State) -> float:
     deep = _smoothstep(-3.0, -13.0, s.altitude)
     clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.6 * deep
     veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
-    return clear * veiled * (1.0 + 0.5 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
+    return clear * veiled * (1.0 + 0.3 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
 
 
 def _smoothstep(start: float, end: float, x: float) -> float:
