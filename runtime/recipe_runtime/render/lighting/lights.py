@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from recipe_runtime.core.interfaces import LampState
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
@@ -149,12 +148,11 @@ def lit_surfaces(geometry: Geometry, states: NDArray[np.int32]) -> NDArray[np.fl
         geometry: The scene.
         states: A mask of `LampState` for each actor, [..., A].
     """
-    keys = geometry.surfaces
-    bits = np.array([int(_STATE_OF_SLOT.get(key.slot, 0)) for key in keys], np.int32)
-    town = np.zeros((*states.shape[:-1], 1), np.int32)  # the last column, which actor -1 reads
-    carried = np.concatenate([states, town], axis=-1)[..., np.array([key.actor for key in keys], np.int64)]
-    always = np.array([key.pattern in (Pattern.HEADLIGHT, Pattern.TAILLIGHT) for key in keys])
-    lit: NDArray[np.float32] = (((carried & bits) != 0) | always).astype(np.float32)
+    lit = np.zeros((*states.shape[:-1], len(geometry.surfaces)), np.float32)
+    for n in geometry.lamp_surfaces.tolist():
+        key = geometry.surfaces[n]
+        state = _STATE_OF_SLOT.get(key.slot)
+        lit[..., n] = 1.0 if state is None else (states[..., key.actor] & int(state)) != 0
     return lit
 
 

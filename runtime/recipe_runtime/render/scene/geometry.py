@@ -23,6 +23,9 @@ from recipe_runtime.render.scene.level_range import LevelRange
 
 # Flat ground casts no shadow; without it in the shadow maps, rounding cannot make it shadow itself.
 _GROUND_TAGS = frozenset({Tag.ROADS, Tag.SIDEWALKS, Tag.TERRAIN, Tag.WATER, Tag.ROAD_LINES, Tag.GROUND})
+_VEHICLE_LAMPS = frozenset(
+    {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.BRAKELIGHT, Pattern.INDICATOR, Pattern.REVERSELIGHT}
+)
 MAX_TRIANGLES = 1 << 24  # a visibility key has 24 bits for the triangle
 
 
@@ -110,6 +113,12 @@ class Geometry:
         all_lights = [mounted.light for mounted in self.lights]
         rows = [[*li.position, *li.direction, *li.colour, li.intensity, li.cone] for li in all_lights]
         return np.array(rows, np.float64).reshape(-1, 11)
+
+    @cached_property
+    def lamp_surfaces(self) -> NDArray[np.int64]:
+        """The surfaces that are lamps of actors, ascending."""
+        rows = [n for n, key in enumerate(self.surfaces) if key.actor >= 0 and key.pattern in _VEHICLE_LAMPS]
+        return np.array(rows, np.int64)
 
     @cached_property
     def light_parts(self) -> NDArray[np.int64]:
