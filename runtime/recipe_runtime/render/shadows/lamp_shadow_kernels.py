@@ -20,7 +20,7 @@ from recipe_runtime.render.shadows.shadow_kernels import axis_coordinate
 wp.set_module_options(OPTIONS)
 
 STATIC_SLOTS = wp.constant(4)  # slots of lamps of the town
-MOVING_SLOTS = wp.constant(3)  # slots of lamps on moving objects; the two headlights of a vehicle share one
+MOVING_SLOTS = wp.constant(2)  # slots of lamps on moving objects; the two headlights of a vehicle share one
 STATIC_SIZE = wp.constant(768)  # texels along the side of a map of a lamp of the town
 MOVING_SIZE = wp.constant(256)  # likewise for a lamp on a moving object, whose cone is narrower
 TILE = wp.constant(16)  # texels along the side of a tile, the unit of clearing and bounds
