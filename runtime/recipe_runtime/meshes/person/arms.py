@@ -88,7 +88,8 @@ def _ring(b: Build, down: float, ease: float, count: int, shift: float = 0.0) ->
     depth, width = (_half(b, _DEPTH, down) + ease) * h, (_half(b, _WIDTH, down) + ease) * h
     z = f.shoulders - down * h
     y = f.shoulder + 0.006 * shift * h
-    bow = -0.004 * h * (1.0 - ((down - 0.15) / 0.15) ** 2)
+    away = (down - 0.15) / 0.15
+    bow = -0.004 * h * (1.0 - away * away)
     return np.array([(-depth * s + bow, y + width * c, z) for c, s in circle(count)])
 
 

@@ -89,32 +89,27 @@ class Hull:
         shares = np.roll(np.broadcast_to(weights.shares, (rows, columns, len(weights.names))), -seam, axis=1)
         if closed:
             shares = np.concatenate([shares, shares[:, :1]], axis=1)
-        self._append(
-            points.reshape(-1, 3),
-            uvs.reshape(-1, 2),
-            twins.reshape(-1),
-            shares.reshape(-1, len(weights.names)),
-            weights.names,
-        )
+        self._append(points.reshape(-1, 3), uvs.reshape(-1, 2), twins.reshape(-1), shares, weights.names)
         self._face(own.reshape(-1)[triangles], codes, mirrored)
-        for end, row in ((0, 0), (1, rows - 1)):
-            if caps[end]:
-                self._cap(
-                    points[row, :columns],
-                    own[row],
-                    cells[0][0] if end == 0 else cells[-1][0],
-                    shares[row].mean(axis=0),
-                    weights.names,
-                    mirrored == (end == 0),
-                )
+        if caps[0]:
+            self._cap(points[0, :columns], own[0], cells[0][0], weights.names, shares[0], mirrored)
+        if caps[1]:
+            self._cap(points[-1, :columns], own[-1], cells[-1][0], weights.names, shares[-1], not mirrored)
         return np.roll(twins[:, :columns], seam, axis=1)
 
     def _cap(
-        self, ring: Array, numbers: Index, surface: Surface | None, shares: Array, names: tuple[str, ...], forward: bool
+        self,
+        ring: Array,
+        numbers: Index,
+        surface: Surface | None,
+        names: tuple[str, ...],
+        shares: Array,
+        forward: bool,
     ) -> None:
+        """Close a ring by a fan around its middle, which has the weights of its first point."""
         middle = self._count
         total = np.cumsum(ring, axis=0)[-1] / len(ring)
-        self._append(total[None], np.zeros((1, 2)), np.array([middle]), shares[None], names)
+        self._append(total[None], np.zeros((1, 2)), np.array([middle]), shares[:1], names)
         count = len(ring)
         fan = np.array([(middle, k, k + 1) if forward else (middle, k + 1, k) for k in range(count)])
         fan[:, 1:] = numbers[fan[:, 1:] % len(numbers)]
@@ -123,7 +118,7 @@ class Hull:
     def _append(self, points: Array, uvs: Array, twins: Index, shares: Array, names: Sequence[str]) -> None:
         full = np.zeros((len(points), len(self._number)))
         for column, name in enumerate(names):
-            full[:, self._number[name]] += shares[:, column]
+            full[:, self._number[name]] += shares.reshape(-1, len(names))[:, column]
         self._points.append(points)
         self._uvs.append(uvs)
         self._twins.append(twins)

@@ -83,9 +83,9 @@ def section(b: Build, z: float, ease: float = 0.0) -> tuple[float, float, float]
     low = min(1.0, max(0.0, (0.80 - z) / 0.05))  # 1 below the shoulders, which are not wider in a stout person
     girth = 1.0 + (f.girth - 1.0) * low
     broad = 1.0 + (f.shoulder / (0.1 * f.height) - 1.0) * min(1.0, max(0.0, (z - 0.66) / 0.08))
-    paunch = max(0.0, 1.0 - ((z - 0.60) / 0.09) ** 2)
-    bust = b.female * max(0.0, 1.0 - ((z - 0.712) / 0.042) ** 2)
-    front = smooth(_FRONT, z) * girth + 0.16 * belly * paunch + 0.021 * bust
+    paunch, chest = (z - 0.60) / 0.09, (z - 0.712) / 0.042
+    paunch, chest = max(0.0, 1.0 - paunch * paunch), max(0.0, 1.0 - chest * chest)
+    front = smooth(_FRONT, z) * girth + 0.16 * belly * paunch + 0.021 * b.female * chest
     back = smooth(_BACK, z) * (0.4 + 0.6 * girth)
     wide = (smooth(_MALE, z) * (1.0 - b.female) + smooth(_FEMALE, z) * b.female) * girth * broad + 0.04 * belly * paunch
     return (front + ease) * f.height, (back + ease) * f.height, (wide + ease) * f.height
@@ -205,7 +205,8 @@ def _surfaces(
 
 
 def _bump(z: float, middle: float, half: float) -> float:
-    t = max(0.0, 1.0 - ((z - middle) / half) ** 2)
+    away = (z - middle) / half
+    t = max(0.0, 1.0 - away * away)
     return t * t
 
 
@@ -268,7 +269,7 @@ def add_skirt(hull: Hull, b: Build, o: Outfit) -> None:
             at = ring(b, max(0.50, min(waist, 0.52 + (z - f.hip) / (f.neck - f.hip) * 0.316)), ease + flare * (1.0 - t))
             at[:, 2] = z
             if z < f.hip:  # pleats, which vanish at the waist
-                wave = np.array([(-1.0) ** k for k in range(b.columns)]) * 0.004 * h * (f.hip - z) / (f.hip - hem)
+                wave = np.where(np.arange(b.columns) % 2 == 0, 1.0, -1.0) * 0.004 * h * (f.hip - z) / (f.hip - hem)
                 at[:, :2] *= (1.0 + wave / (0.1 * h))[:, None] if b.detail else 1.0
             rows.append(at)
         points = np.stack(rows)
