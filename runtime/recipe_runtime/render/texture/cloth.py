@@ -93,3 +93,11 @@ def hair(d: Detail, uv: wp.vec2f, foot: wp.float32, surface: wp.uint32) -> Detai
     lean = 0.5 * locks + 0.35 * strands
     d.normal = normalize(d.normal + wp.vec3f(-d.normal[1] * lean, d.normal[0] * lean, 0.0))
     return d
+
+
+@wp.func
+def worn(d: Detail, pattern: wp.int32, uv: wp.vec2f, foot: wp.float32, surface: wp.uint32) -> Detail:
+    """Cloth or hair."""
+    if pattern == Pattern.HAIR:
+        return hair(d, uv, foot, surface)
+    return cloth(d, pattern, uv, foot, surface)

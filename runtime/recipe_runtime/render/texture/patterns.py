@@ -11,7 +11,7 @@ prevents aliasing at a distance.
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import clamp01
-from recipe_runtime.render.texture.cloth import cloth, hair, is_cloth
+from recipe_runtime.render.texture.cloth import is_cloth, worn
 from recipe_runtime.render.texture.detail import Detail
 from recipe_runtime.render.texture.green import is_plant, plant
 from recipe_runtime.render.texture.ground import asphalt, kerb, lanes, paving, ripples, road_paint
@@ -139,9 +139,7 @@ def detail_of(
         return number_plate(d, uv, foot)
     elif is_lamp(pattern):
         return reflector(d, pattern, uv, foot)
-    elif is_cloth(pattern):
-        return cloth(d, pattern, uv, foot, surface)
-    elif pattern == Pattern.HAIR:
-        return hair(d, uv, foot, surface)
+    elif is_cloth(pattern) or pattern == Pattern.HAIR:
+        return worn(d, pattern, uv, foot, surface)
     d.tone = plain_tone(pattern, uv, p, foot, surface)
     return d
