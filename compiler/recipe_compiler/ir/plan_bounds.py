@@ -145,8 +145,10 @@ KINDS: dict[str, Kind] = {
 _MAX_REACH = 4.5  # metres, half the length of the longest vehicle
 
 _PERSON: dict[str, Range] = {
-    "shoulder": (0.85, 1.15), "girth": (0.8, 1.35), "hair": (0, 7), "sleeves": (0, 1), "legs": (0, 2),
-    "coat": (0.0, 0.35), "head": (0.95, 1.5), "limb": (0.85, 1.1), "bag": (0, 2),
+    "shoulder": (0.85, 1.15), "girth": (0.8, 1.35), "hair": (0, 10), "sleeves": (0, 1), "legs": (0, 2),
+    "coat": (0.0, 0.35), "head": (0.95, 1.5), "limb": (0.85, 1.1), "bag": (0, 4),
+    "female": (0, 1), "stoop": (0.0, 20.0), "top": (0, 4), "print": (0, 3),
+    "denim": (0, 1), "beard": (0, 1), "phone": (0, 1), "glasses": (0, 2),
 }  # fmt: skip
 _WALKER: dict[str, Range] = {"height": (0.95, 2.05), **_PERSON}
 _CAR: dict[str, Range] = {

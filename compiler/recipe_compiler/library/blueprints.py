@@ -34,6 +34,11 @@ class Blueprint:
 _SKIN = ("#f1c7a5", "#e0ac86", "#c98f67", "#a86f4b", "#7d4f35", "#5a3826")
 _YOUNG_HAIR = ("#1e1814", "#2e221b", "#4a3222", "#6d4a2e", "#a57c4a", "#5b2f1d")
 _HAIR = (*_YOUNG_HAIR, "#8e8a86")
+_GREY = ("#8e8a86", "#b4b0aa", "#d6d3cc", "#6e6a66")
+_INNER = ("#e9e6de", "#23262c", "#8fa3b5", "#b8b2a4", "#7d3b38")
+_SOLES = ("#e6e3da", "#2a2826", "#8a6a48")
+_DENIM = ("#2b3d5c", "#3f5a80", "#6a86a6", "#1e2a40", "#54606e")
+_HIGH_VISIBILITY = ("#d8e23a", "#f07a22")
 _GROWN = 1.55  # metres; shorter pedestrians are children
 _SHIRTS = (
     "#b43a35", "#2f5e8c", "#e3ded3", "#37704f", "#d9a63a", "#3b3f4a", "#7a4c7e", "#c96f3c",
@@ -50,13 +55,16 @@ _PAINT = (
     "#b9702c", "#5e1f2c", "#6f8fa8",
 )  # fmt: skip
 
-CROPPED, SHORT, LONG, TIED, CAP, BEANIE, CYCLIST, FULL = range(8)  # hair and hats
-BACKPACK = 1
-SATCHEL = 2
+CROPPED, SHORT, LONG, TIED, CAP, BEANIE, CYCLIST, FULL, CURLY, BOB, BALD = range(11)  # hair and hats
+BACKPACK, SATCHEL, HANDBAG, SHOPPING = 1, 2, 3, 4
+COLLAR, HOOD, OPEN, VEST = 1, 2, 3, 4  # tops; 0: a T-shirt or a sweater
+STRIPES, CHECKS, PRINT = 1, 2, 3
 
 
 # The shape of a person. `shoulder` and `girth` scale the average build for a height; `head` and `limb` scale an adult's
 # head and legs. `coat` lowers the hem, in metres. sleeves: 0 short, 1 long. legs: 0 shorts, 1 trousers, 2 skirt.
+# `female` is between male (0) and female (1) proportions; `stoop` bends an old back, in degrees. glasses: 2 dark.
+# phone: 1 for a person who telephones.
 _PERSON = {
     "shoulder": 1.0,
     "girth": 1.0,
@@ -67,6 +75,14 @@ _PERSON = {
     "head": 1.0,
     "limb": 1.0,
     "bag": 0.0,
+    "female": 0.0,
+    "stoop": 0.0,
+    "top": 0.0,
+    "print": 0.0,
+    "denim": 0.0,
+    "beard": 0.0,
+    "phone": 0.0,
+    "glasses": 0.0,
 }
 
 
@@ -76,9 +92,11 @@ def _clothing(child: bool, hats: tuple[str, ...], person: Mapping[str, float]) -
         worn["hat"] = hats
     return worn | {
         "skin": _SKIN,
-        "hair": _YOUNG_HAIR if child else _HAIR,
-        "shirt": _BRIGHT if child else _SHIRTS,
-        "trousers": _TROUSERS,
+        "hair": _GREY if person["stoop"] > 0.0 else _YOUNG_HAIR if child else _HAIR,
+        "shirt": _HIGH_VISIBILITY if person["top"] == VEST else _BRIGHT if child else _SHIRTS,
+        "inner": _INNER,
+        "sole": _SOLES,
+        "trousers": _DENIM if person["denim"] else _TROUSERS,
         "shoes": _SHOES,
         "lips": ("#a8625a", "#8f4f48"),
         "eye": ("#e9e5df",),
@@ -181,26 +199,47 @@ def _twowheeler(
 
 
 _PEOPLE = (
-    _walker(1, 1.78),
-    _walker(2, 1.66, shoulder=0.92, girth=0.92, hair=LONG),
-    _walker(3, 1.84, shoulder=1.06, girth=1.04, hair=CROPPED, sleeves=0, bag=BACKPACK),
-    _walker(4, 1.71, shoulder=0.93, girth=0.95, hair=TIED, coat=0.22),
-    _walker(5, 1.75, shoulder=1.05, girth=1.2, coat=0.06),
-    _walker(6, 1.62, shoulder=0.95, girth=1.12, hair=LONG, legs=2),
-    _walker(7, 1.80, shoulder=1.02, girth=0.94, hair=CAP, legs=0, sleeves=0),
-    _walker(8, 1.69, shoulder=0.92, girth=0.88, hair=TIED, sleeves=0, bag=SATCHEL),
-    _walker(9, 1.88, shoulder=1.04, coat=0.3),
-    _walker(10, 1.58, shoulder=0.93, hair=LONG, coat=0.1),
-    _walker(11, 1.28, 1.2, shoulder=0.92, girth=0.95, sleeves=0, legs=0, head=1.2, limb=0.95),
+    _walker(1, 1.78, top=COLLAR, denim=1),
+    _walker(2, 1.66, shoulder=0.92, girth=0.92, female=1, hair=LONG, print=STRIPES, denim=1, bag=HANDBAG),
+    _walker(3, 1.84, shoulder=1.06, girth=1.04, hair=CROPPED, sleeves=0, print=PRINT, bag=BACKPACK),
+    _walker(4, 1.71, shoulder=0.93, girth=0.95, female=1, hair=TIED, top=OPEN, coat=0.22),
+    _walker(5, 1.75, shoulder=1.05, girth=1.2, top=OPEN, coat=0.06, beard=1),
+    _walker(6, 1.62, shoulder=0.95, girth=1.12, female=1, hair=BOB, legs=2, glasses=1),
+    _walker(7, 1.80, shoulder=1.02, girth=0.94, hair=CAP, legs=0, sleeves=0, glasses=2),
+    _walker(8, 1.69, shoulder=0.92, girth=0.88, female=1, hair=TIED, sleeves=0, denim=1, bag=SATCHEL),
+    _walker(9, 1.88, shoulder=1.04, coat=0.3, top=COLLAR),
+    _walker(10, 1.58, shoulder=0.93, female=1, hair=LONG, coat=0.1, top=HOOD),
+    _walker(11, 1.28, 1.2, shoulder=0.92, girth=0.95, sleeves=0, legs=0, head=1.2, limb=0.95, print=STRIPES),
     _walker(12, 1.40, 1.3, shoulder=0.9, girth=0.9, hair=TIED, legs=2, head=1.14, limb=0.98),
-    _walker(13, 1.05, 1.0, shoulder=0.9, girth=1.05, hair=CROPPED, head=1.42, limb=0.88),
+    _walker(13, 1.05, 1.0, shoulder=0.9, girth=1.05, hair=CROPPED, head=1.42, limb=0.88, denim=1, print=PRINT),
     _walker(14, 1.18, 1.1, shoulder=0.9, hair=LONG, legs=2, sleeves=0, head=1.29, limb=0.92),
-    _walker(15, 1.34, 1.25, shoulder=0.92, hair=CAP, head=1.17, limb=0.96, bag=BACKPACK),
-    _walker(16, 1.52, 1.35, shoulder=0.94, girth=0.92, hair=TIED, head=1.07, limb=1.0, bag=BACKPACK),
-    _walker(17, 1.82, shoulder=1.06, girth=1.28, hair=CROPPED, sleeves=0),
-    _walker(18, 1.73, shoulder=1.0, hair=BEANIE, coat=0.08),
-    _walker(19, 1.64, shoulder=0.92, girth=0.96, hair=LONG, coat=0.26, bag=SATCHEL),
-    _walker(20, 1.70, 1.1, shoulder=0.98, girth=1.08, hair=CAP, coat=0.12),
+    _walker(15, 1.34, 1.25, shoulder=0.92, hair=CAP, head=1.17, limb=0.96, bag=BACKPACK, top=HOOD),
+    _walker(
+        16, 1.52, 1.35, shoulder=0.94, girth=0.92, hair=CURLY, head=1.07, limb=1.0, bag=BACKPACK, top=HOOD, denim=1
+    ),
+    _walker(17, 1.82, shoulder=1.06, girth=1.28, hair=BALD, sleeves=0, denim=1, beard=1),
+    _walker(18, 1.73, shoulder=1.0, hair=BEANIE, coat=0.08, top=HOOD),
+    _walker(19, 1.64, shoulder=0.92, girth=0.96, female=1, hair=LONG, coat=0.26, bag=SHOPPING),
+    _walker(20, 1.70, 1.1, shoulder=0.98, girth=1.08, hair=CAP, coat=0.12, stoop=14, top=COLLAR),
+    _walker(
+        21,
+        1.60,
+        1.0,
+        shoulder=0.92,
+        girth=1.1,
+        female=1,
+        hair=CURLY,
+        legs=2,
+        coat=0.14,
+        stoop=16,
+        glasses=1,
+        bag=HANDBAG,
+    ),
+    _walker(22, 1.79, shoulder=1.03, top=VEST, sleeves=0, hair=CAP, beard=1),
+    _walker(23, 1.76, shoulder=1.0, girth=0.9, hair=SHORT, top=COLLAR, print=CHECKS, denim=1, glasses=1, bag=SATCHEL),
+    _walker(24, 1.70, shoulder=0.92, girth=0.94, female=1, hair=CURLY, top=OPEN, denim=1, phone=1),
+    _walker(25, 1.86, shoulder=1.04, girth=1.08, hair=CROPPED, top=OPEN, beard=1, glasses=2, phone=1),
+    _walker(26, 1.68, shoulder=0.92, girth=0.9, female=1, hair=BOB, legs=2, sleeves=0, print=STRIPES),
 )
 
 _CARS = (

@@ -43,6 +43,8 @@ class Figure:
     girth: float  # scale of the widths of the body
     head: float  # scale of the head
     limb: float  # scale of the legs, less than 1 for children
+    stoop: float = 0.0  # degrees by which an old back is bent
+    phone: float = 0.0  # 1 for a person who holds a telephone to the ear
 
     @classmethod
     def of(cls, shape: Mapping[str, float]) -> Figure:
@@ -52,7 +54,8 @@ class Figure:
             shape: the blueprint's shape; `rider`, if present, is the rider's height.
         """
         height = shape.get("rider", shape["height"])
-        return cls(height, 0.1 * height * shape["shoulder"], shape["girth"], shape["head"], shape["limb"])
+        wide, posture = 0.1 * height * shape["shoulder"], (shape.get("stoop", 0.0), shape.get("phone", 0.0))
+        return cls(height, wide, shape["girth"], shape["head"], shape["limb"], *posture)
 
     @cached_property
     def hip(self) -> float:

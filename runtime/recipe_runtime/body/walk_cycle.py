@@ -9,7 +9,7 @@ Control of Human Movement; those of running from T. F. Novacheck, The biomechani
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ HEAD_TURN = 70.0  # degrees to either side
 _HEAD_RATE = 150.0  # degrees/s
 _HEEL, _BALL = 0.036, 0.117  # where the sole rolls, metres behind and ahead of the ankle for a height of 1 m
 _LAND, _LIFT = -16.0, 44.0  # pitch of the foot where it is put down and lifted, degrees, toes down
+
+_SHIFT = 0.022  # how far a standing person moves the hips over one leg, for a height of 1 m
 
 Row = tuple[float, ...]
 
@@ -130,6 +132,8 @@ class Walkers:
         self._thigh = np.array([figure.thigh for figure in figures])
         self._shin = np.array([figure.shin for figure in figures])
         self._out = np.array([4.0 + 22.0 * max(0.0, figure.girth - 1.0) for figure in figures])
+        self._stoop = np.array([figure.stoop for figure in figures])
+        self._phone = np.array([figure.phone for figure in figures])
         self._scale = np.array([3.0 / Gait(figure).unit_speed for figure in figures])
 
     def pose(self, rows: Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]], ground: Ground) -> Poses:
@@ -148,6 +152,9 @@ class Walkers:
         feet = _Feet(foot[0], foot[1] > 0.0, foot[2], foot[3:8], foot[8:13])
         ankles = self._ankles(body, feet)
         _lift_over_kerbs(ankles, feet, self._height, self._ankle, ground)
+        shift = _SHIFT * self._height * (1.0 - body.walking) * exact_arrays.sin_cos_deg(360.0 * phase)[1]
+        x, y = x - shift * hy, y + shift * hx
+        body = replace(body, x=x, y=y)
         aside_x, aside_y = -body.hy * (0.05 * self._height), body.hx * (0.05 * self._height)
         hip_x, hip_y = np.stack([x + aside_x, x - aside_x]), np.stack([y + aside_y, y - aside_y])
         base = self._base_height(body, feet, ankles, hip_x, hip_y)
@@ -230,7 +237,9 @@ class Walkers:
         run, swing = body.running, np.minimum(1.25, body.pace / 1.4)
         cosine = exact_arrays.sin_cos_deg(360.0 * body.phase)[1]
         turn = (5.0 + 4.0 * run) * swing * cosine
-        lean = np.minimum(5.0, 1.6 * body.pace) + 5.0 * run
+        lean = np.minimum(5.0, 1.6 * body.pace) + 5.0 * run + self._stoop
+        still = (1.0 - body.walking) * cosine  # weight on one leg: hips aside, the trunk upright over them
+        phone, other = self._phone + 0.0 * turn, 1.0 - self._phone
         backward = cosine * swing
         forward = -swing - 0.8 * lean
         bent = 9.0 + 10.0 * swing + 66.0 * run
@@ -243,11 +252,15 @@ class Walkers:
                 body.head_yaw - turn,
                 self._out + 0.0 * turn,
                 amplitude * backward + forward + 12.0 * run,
-                -amplitude * backward + forward + 12.0 * run,
+                other * (-amplitude * backward + forward + 12.0 * run) - 70.0 * phone,
                 -0.5 * self._out + 0.0 * turn,
                 fold * backward - bent,
-                -fold * backward - bent,
+                other * (-fold * backward - bent) - 145.0 * phone,
                 10.0 * run,
+                other * self._out + 50.0 * phone,
+                -0.5 * other * self._out + 0.0 * turn,
+                other * 10.0 * run - 40.0 * phone,
+                2.5 * still,
             ]
         )
         s, c = exact_arrays.sin_cos_deg(angles / 2.0)
@@ -257,12 +270,12 @@ class Walkers:
 
         inward = about("z", -s[10], c[10])  # of the forearm of a runner
         rotations = (
-            both("z", 0, "y", 1),
-            both("y", 2, "z", 3),
+            compose(both("z", 0, "y", 1), about("x", s[14], c[14])),
+            compose(both("y", 2, "z", 3), about("x", -s[14], c[14])),
             both("x", 4, "y", 5),
             compose(inward, both("x", 7, "y", 8)),
-            both("x", 4, "y", 6, -1.0),
-            compose(about("z", s[10], c[10]), both("x", 7, "y", 9, -1.0)),
+            both("x", 11, "y", 6, -1.0),
+            compose(about("z", s[13], c[13]), both("x", 12, "y", 9, -1.0)),
         )
         for joint, rotation in enumerate(rotations):
             for axis in range(4):

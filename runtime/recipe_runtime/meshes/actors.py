@@ -1,4 +1,4 @@
-"""Bodies of actors: rigid parts, each in its own frame."""
+"""Bodies of actors: rigid parts, each in its own frame, and the skins of people."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -7,7 +7,7 @@ from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body.skeleton import has_rider, is_parked, is_person
 from recipe_runtime.meshes.mesh import Body, Mesh
-from recipe_runtime.meshes.pedestrian import pedestrian_parts
+from recipe_runtime.meshes.person.people import pedestrian_parts
 from recipe_runtime.meshes.twowheeler import twowheeler_parts
 from recipe_runtime.meshes.vehicle import vehicle_parts
 

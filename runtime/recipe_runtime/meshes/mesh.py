@@ -57,6 +57,11 @@ class Pattern(IntEnum):
     REVERSELIGHT = 57  # uv as for `HEADLIGHT`
     CABIN = 58  # vehicle glass with the interior behind it; uv is that of `meshes.cabin`
     NUMBER_PLATE = 59  # floor(u) is the character's place, fract(u) and v the position in it
+    STRIPES = 63  # patterns of cloth: uv in metres, u 0 in the middle of the front
+    CHECKS = 64
+    PRINT = 65  # a picture on the chest
+    DENIM = 66
+    VEST = 67  # high-visibility, with reflecting bands
     POSTER = 37  # floor(u) is the picture's number, fract(uv) the position in it
 
 

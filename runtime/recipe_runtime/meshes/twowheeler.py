@@ -11,8 +11,8 @@ from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish
 from recipe_runtime.meshes.cycle_parts import guard, lamp, rear_lamps
 from recipe_runtime.meshes.lofts import loft, tube
-from recipe_runtime.meshes.mesh import Mesh
-from recipe_runtime.meshes.pedestrian import rider_parts
+from recipe_runtime.meshes.mesh import NO_MESH, Mesh
+from recipe_runtime.meshes.person.people import with_rider
 from recipe_runtime.meshes.scooter import scooter_body, scooter_fork
 from recipe_runtime.meshes.wheels import spoked_wheel
 
@@ -35,9 +35,10 @@ def twowheeler_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, M
     made |= {"wheel_front": wheel, "wheel_rear": wheel}
     body = scooter_body if scooter else _motor
     own = 3 if bike.motor else 4
-    machine = [("chassis", body(f, bike) if bike.motor else _frame(f, bike))]
+    chassis = body(f, bike) if bike.motor else _frame(f, bike)
+    machine = [("chassis", with_rider(chassis, shape, Tag.RIDER))]
     machine += [(joint.part, made[joint.part]) for joint in joints[:own]]
-    return (*machine, *rider_parts(shape, Tag.RIDER, joints[own:]))
+    return (*machine, *((joint.part, NO_MESH) for joint in joints[own:]))
 
 
 def _frame(f: Finish, k: Bike) -> Mesh:

@@ -22,6 +22,7 @@ from recipe_runtime.core.transforms import invert, part_transforms
 from recipe_runtime.frames.portrait import matrices
 from recipe_runtime.meshes import actor_body
 from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.meshes.skin import split_parts
 from recipe_runtime.simulation.terrain import Ground
 
 from tests.runtime.actors import actor
@@ -57,7 +58,7 @@ def row(trace: Trace, part: str) -> int:
 def lowest(body: Body, poses: NDArray[np.float64]) -> float:
     return min(
         float((mesh.vertices.astype(np.float64) @ t[2, :3] + t[2, 3]).min())
-        for (_, mesh), t in zip(body.parts, poses, strict=True)
+        for (_, mesh), t in zip(split_parts(body.parts), poses, strict=True)
     )
 
 
@@ -187,7 +188,7 @@ def test_a_rider_who_stops_puts_a_foot_down(blueprint: blueprints.Blueprint) -> 
     actor = turning(blueprint.id, "left")
     names = [name for name, _ in actor_body(actor).parts]
     foot = names.index("foot_left")
-    mesh = actor_body(actor).parts[foot][1].vertices.astype(np.float64)
+    mesh = split_parts(actor_body(actor).parts)[foot][1].vertices.astype(np.float64)
     assert abs((mesh @ poses[foot][2, :3] + poses[foot][2, 3]).min()) < 0.02
     assert abs(lowest(actor_body(actor), poses)) < 0.02
 

@@ -17,6 +17,7 @@ from recipe_runtime.body.skeleton import Figure
 from recipe_runtime.frames import portrait
 from recipe_runtime.meshes import actor_body
 from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.meshes.skin import split_parts
 
 from tests.runtime.actors import actor
 
@@ -90,9 +91,10 @@ def matrices(poses: Poses) -> NDArray[np.float64]:
 
 def vertices(body: Body, moment: Moment, part: str) -> NDArray[np.float64]:
     """Return the vertices of a part in the world frame [V, 3]."""
-    index = [name for name, _ in body.parts].index(part)
+    parts = split_parts(body.parts)
+    index = [name for name, _ in parts].index(part)
     t = moment.parts[index]
-    return np.asarray(body.parts[index][1].vertices.astype(np.float64) @ t[:, :3].T + t[:, 3])
+    return np.asarray(parts[index][1].vertices.astype(np.float64) @ t[:, :3].T + t[:, 3])
 
 
 def above_ground(points: NDArray[np.float64], ground: Ground) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from recipe_compiler.library.surfaces import FlatSurface, WholeSurface
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.meshes.actors import actor_body
 from recipe_runtime.meshes.mesh import Body, Mesh
+from recipe_runtime.meshes.skin import split_parts
 from recipe_runtime.meshes.props import prop_bodies
 from recipe_runtime.meshes.town import _body
 
@@ -96,7 +97,7 @@ def test_every_painted_triangle_lies_within_an_island() -> None:
         assert whole
         for surface in whole:
             parts = {face.part for _, face in surface.islands}
-            for part, mesh in body.parts:
+            for part, mesh in split_parts(body.parts):
                 own = np.array([mesh.surfaces[s].slot in surface.slots for s in mesh.surface], bool)
                 if part == "chassis" and surface.name == "shirt":
                     continue

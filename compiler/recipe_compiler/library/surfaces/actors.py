@@ -1,7 +1,7 @@
 """Surfaces of actors, by the shape of their blueprint (a test compares them with the meshes).
 
 Texture maps are projected from boxes around the parts at rest. A vehicle has one texture map for its paint, and a
-rectangle on each side of its body. A person has one texture map for the torso, the tails of a coat and the sleeves.
+rectangle on each side of its body. A person has one texture map for the trunk, the tails of a coat and the sleeves.
 """
 
 from __future__ import annotations
@@ -46,15 +46,21 @@ def _vehicle(name: str, shape: Mapping[str, float]) -> Iterator[Surface]:
 def _person(name: str, shape: Mapping[str, float], h: float) -> Iterator[Surface]:
     """Yield the surfaces of the shirt or coat of a person `h` metres tall."""
     girth, wide = max(shape["girth"], 1.0), max(shape["shoulder"], shape["girth"], 1.0)
-    torso = (-0.09 * h * girth, -0.125 * h * wide, -0.055 * h), (0.09 * h * girth, 0.125 * h * wide, 0.3 * h)
+    torso = (-0.105 * h * girth, -0.14 * h * wide, -0.055 * h), (0.105 * h * girth, 0.14 * h * wide, 0.3 * h)
     rows = [sides("torso", *torso, (*_ROUND, "top"))]
+    hip = 0.0 if "rider" in shape else (0.045 + 0.475 * shape["limb"]) * h  # above the origin of the pelvis
+    low, high = hip - 0.05 * h - shape["coat"], hip + 0.1 * h
+    tails = (-0.13 * h * girth, -0.14 * h * wide, low), (0.13 * h * girth, 0.14 * h * wide, high)
+    rows.append(sides("pelvis", *tails, _ROUND, "tails "))
     if shape["coat"] > 0.0:
-        tails = (-0.16 * h * girth, -0.16 * h * wide, 0.0), (0.16 * h * girth, 0.16 * h * wide, 0.6 * h)
-        rows.append(sides("pelvis", *tails, _ROUND, "tails "))
-    arms = [("upper_arm", -0.21)] + ([("forearm", -0.18)] if shape["sleeves"] > 0 else [])
-    for arm, end in arms:
-        low, high = (-0.045 * h * girth, -0.045 * h * girth, end * h), (0.045 * h * girth, 0.045 * h * girth, 0.03 * h)
-        row = [sides(f"{arm}_{hand}", low, high, _ROUND, f"{arm}_{hand} ") for hand in ("left", "right")]
+        low, high = -0.03 * h - shape["coat"], 0.05 * h
+        flap = (-0.16 * h * girth, -0.18 * h * wide, low), (0.16 * h * girth, 0.18 * h * wide, high)
+        for hand in ("left", "right"):
+            rows.append(sides(f"thigh_{hand}", *flap, _ROUND, f"thigh_{hand} "))
+    arms = [("upper_arm", -0.24, 0.03)] + ([("forearm", -0.18, 0.13)] if shape["sleeves"] > 0 else [])
+    for arm, end, begin in arms:
+        box = (-0.05 * h * girth, -0.05 * h * girth, end * h), (0.05 * h * girth, 0.05 * h * girth, begin * h)
+        row = [sides(f"{arm}_{hand}", *box, _ROUND, f"{arm}_{hand} ") for hand in ("left", "right")]
         rows.append([side for found in row for side in found])
     yield texture_map("shirt", name, _SHIRT, rows)
     chest = (-0.07 * h * girth, -0.1 * h * wide, 0.0), (0.07 * h * girth, 0.1 * h * wide, 0.22 * h)

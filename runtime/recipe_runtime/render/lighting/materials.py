@@ -18,6 +18,7 @@ from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, non
 from recipe_runtime.render.numeric.vectors import dot, mix, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays, patch_point
 from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
+from recipe_runtime.render.texture.cloth import is_cloth
 from recipe_runtime.render.texture.ground import ground_height
 from recipe_runtime.render.texture.images import ImageAtlas, SurfaceColours, image_at
 
@@ -157,7 +158,7 @@ def material_of(
         m.gloss = 0.9
     elif pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS:
         m.soft = MAX_SOFTNESS
-    elif pattern == Pattern.SKIN or pattern == Pattern.CLOTH or pattern == Pattern.HAIR:
+    elif pattern == Pattern.SKIN or is_cloth(pattern) or pattern == Pattern.HAIR:
         m.soft = 0.15
     elif pattern == Pattern.WATER:
         m.coat = 0.03
@@ -208,7 +209,7 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
         or pattern == Pattern.PLASTER
         or pattern == Pattern.BARK
         or pattern == Pattern.BIRCH_BARK
-        or pattern == Pattern.CLOTH
+        or is_cloth(pattern)
         or pattern == Pattern.STONE
         or pattern == Pattern.CONCRETE
         or pattern == Pattern.PANELS

@@ -75,6 +75,11 @@ DAISY = wp.constant(wp.uint32(155))
 CIRRUS = wp.constant(wp.uint32(105))
 STAR = wp.constant(wp.uint32(106))
 
+CLOTH_FOLD = wp.constant(wp.uint32(631))
+CLOTH_CREASE = wp.constant(wp.uint32(632))
+DENIM = wp.constant(wp.uint32(633))
+HAIR_STRAND = wp.constant(wp.uint32(634))
+
 
 def noise_key(seed: int, name: str, frame: int) -> int:
     """Return a 32-bit key of a seed, a name and a frame."""

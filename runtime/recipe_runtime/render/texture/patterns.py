@@ -10,9 +10,9 @@ prevents aliasing at a distance.
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import noise2
 from recipe_runtime.render.numeric.scalars import clamp01
-from recipe_runtime.render.texture.detail import Detail, fade
+from recipe_runtime.render.texture.cloth import is_cloth, worn
+from recipe_runtime.render.texture.detail import Detail
 from recipe_runtime.render.texture.green import is_plant, plant
 from recipe_runtime.render.texture.ground import asphalt, kerb, lanes, paving, ripples, road_paint
 from recipe_runtime.render.texture.lettering import letter, poster
@@ -71,11 +71,6 @@ def plain_tone(pattern: wp.int32, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, s
     tone = wp.float32(1.0)
     if pattern == Pattern.NICHE:
         tone = 1.0 - 0.62 * clamp01(uv[1])
-    elif pattern == Pattern.CLOTH:
-        fold = noise2(uv[0] * 5.0, uv[1] * 5.0, surface) - 0.5
-        tone = 1.0 + 0.22 * fold
-    elif pattern == Pattern.HAIR:
-        tone = 1.0 + 0.5 * (noise2(uv[0] * 40.0, uv[1] * 8.0, surface) - 0.5) * fade(0.02, foot)
     return tone
 
 
@@ -144,5 +139,7 @@ def detail_of(
         return number_plate(d, uv, foot)
     elif is_lamp(pattern):
         return reflector(d, pattern, uv, foot)
+    elif is_cloth(pattern) or pattern == Pattern.HAIR:
+        return worn(d, pattern, uv, foot, surface)
     d.tone = plain_tone(pattern, uv, p, foot, surface)
     return d

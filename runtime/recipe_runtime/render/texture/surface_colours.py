@@ -27,7 +27,9 @@ _FALLBACK = {
     Pattern.WINDOW: "#d8d6d0", Pattern.LAMP: "#ffdca8", Pattern.HEADLIGHT: "#fff4e0", Pattern.TAILLIGHT: "#c01818",
     Pattern.BRAKELIGHT: "#a01018", Pattern.INDICATOR: "#d07818", Pattern.REVERSELIGHT: "#c9ccce",
     Pattern.CABIN: "#20262a", Pattern.NUMBER_PLATE: "#d9d7cf", Pattern.LENS: "#a9b3ba",
-    Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6", Pattern.STONE: "#a8a196",
+    Pattern.STRIPES: "#5a6070", Pattern.CHECKS: "#5a6070", Pattern.PRINT: "#5a6070", Pattern.DENIM: "#2b3d5c",
+    Pattern.VEST: "#d8e23a", Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6",
+    Pattern.STONE: "#a8a196",
     Pattern.WOOD: "#7a5a3e", Pattern.WATER: "#4a6468", Pattern.NICHE: "#b0aaa0", Pattern.CURTAIN_WALL: "#56646c",
     Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c", Pattern.BIRCH_BARK: "#c9c4b8",
     Pattern.IMAGE: "#909090", Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660", Pattern.SIGNAL: "#ff3b2a",
@@ -73,6 +75,12 @@ def _second(key: SurfaceKey, first: Any) -> Any:
         return 0.35 * first + 0.65 * np.array([0.36, 0.34, 0.31])
     if key.pattern in _JOINTED:
         return 0.35 * first
+    if key.pattern in (Pattern.STRIPES, Pattern.CHECKS, Pattern.PRINT):
+        return 0.22 * first if float(first[1]) > 0.2 else 0.25 * first + np.array([0.5, 0.49, 0.46])
+    if key.pattern == Pattern.DENIM:
+        return 1.7 * first + 0.03
+    if key.pattern == Pattern.VEST:
+        return np.array([0.72, 0.74, 0.74])
     if key.pattern == Pattern.POSTER:
         return np.array([0.72, 0.69, 0.62])
     if key.pattern == Pattern.NUMBER_PLATE:
