@@ -55,7 +55,12 @@ def actor_body(actor: ActorPlan) -> Body:
 
     The base part comes first; its origin is on the ground and +x points forward. Actors of the same shape share their
     meshes, whose arrays are read-only.
+
+    Raises:
+        ValueError: The body is in a file: `actor_bodies` reads it.
     """
+    if actor.mesh is not None:
+        raise ValueError(f"the body of {actor.name} is in a file")
     lit = is_person(actor.shape) or not is_parked(actor)
     return Body(actor.name, actor.tag * 1000 + actor.instance, shape_parts(actor.shape, actor.tag, lit))
 
