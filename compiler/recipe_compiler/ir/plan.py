@@ -55,6 +55,7 @@ from recipe_compiler.ir.plan_types import (
     Tag,
     Ten,
 )
+from recipe_compiler.ir.plan_types import ActorMesh as ActorMesh
 from recipe_compiler.ir.plan_types import FilePlan as FilePlan
 from recipe_compiler.ir.plan_types import Plan as Plan
 from recipe_compiler.ir.plan_types import Point as Point
@@ -132,21 +133,6 @@ class DriverPlan(Plan):
     sees_walkers: bool = True
     keeps_right: bool = False
     changes_lanes: bool = True
-
-
-class ActorMesh(Plan):
-    """The glTF file of an actor's body, in place of a mesh of the library."""
-
-    file: FilePlan
-    scale: Annotated[Number, Field(gt=0, le=100_000)] = 1.0  # metres of one unit of the file
-    low: tuple[Metres, Metres, Metres]  # its body box, metres; 0 is on the ground midway between axles or hips
-    high: tuple[Metres, Metres, Metres]
-
-    @model_validator(mode="after")
-    def _size(self) -> ActorMesh:
-        if self.file.kind not in ("glb", "gltf") or any(a >= b for a, b in zip(self.low, self.high, strict=True)):
-            raise ValueError("a body that is not a glTF file with a size")
-        return self
 
 
 class ActorPlan(Plan):
