@@ -24,7 +24,7 @@ from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_sou
 from recipe_compiler.ir.ground.path_planner import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import asset_files, placement, plausibility
+from recipe_compiler.lowering import asset_files, own_bodies, placement, plausibility
 from recipe_compiler.lowering.caps import CAPS, Counts, place_of_variants
 from recipe_compiler.lowering.lower import Lowering
 from recipe_compiler.lowering.patches import texture_files
@@ -107,8 +107,9 @@ def _compile(path: Path, sources: merge.Sources, allow_large: bool) -> Compiled:
         raise InputError(_sorted(problems))
     recipe, faulty = _check_recipe(root, problems)
     textures = texture_files.find(root, path.parent, sources)
-    assets, asset_problems = asset_files.read(root, recipe.assets, path.parent, sources, textures.files)
-    asset_problems += textures.problems
+    further = {**textures.files, **own_bodies.files(root, recipe.blueprints, path.parent, sources)}
+    assets, asset_problems = asset_files.read(root, recipe.assets, path.parent, sources, further)
+    asset_problems += [*textures.problems, *own_bodies.clashes(root, recipe.blueprints)]
     axes = _check_sweep(root, None if "sweep" in faulty else recipe.sweep, problems)
     if root.get("base") is None or len(problems) > len(sources.problems):
         kinds = None if "assets" in faulty else _kinds(recipe)
@@ -121,7 +122,8 @@ def _compile(path: Path, sources: merge.Sources, allow_large: bool) -> Compiled:
     problems += found.problems()
     if problems:
         raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
-    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
+    made = own_bodies.made(recipe.blueprints, assets)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), made, allow_large=allow_large)
     plans, warnings = _lowered(lowering, checked, root)
     plan = DatasetPlan(
         recipe=recipe.recipe,
@@ -132,8 +134,7 @@ def _compile(path: Path, sources: merge.Sources, allow_large: bool) -> Compiled:
     )
     clashes = expand.clashes(root, axes, recipe.sweep)
     warnings = _sorted(clashes, plausibility.of_weather(root), warnings)
-    files = dict(sorted(sources.files.items()))
-    own = tuple(assets.values())
+    files, own = dict(sorted(sources.files.items())), tuple(assets.values())
     return Compiled(plan, tuple(warnings), files, estimate(plan), own, path.parent, lowering.towns)
 
 
@@ -154,7 +155,7 @@ def _checked(
         TooLargeError: the variants exceed a cap, and the recipe has no problems.
     """
     checked: list[tuple[Variant, Base]] = []
-    checker = Checker(root.map["base"], _kinds(recipe))
+    checker = Checker(root.map["base"], _kinds(recipe), _own_ids(root))
     changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
     counts = Counts(root, expand.count(axes, recipe.sweep), changes)
     for variant, base in _check_variants(root, expand.variants(root, axes, recipe.sweep, recipe.seed), checker, found):
@@ -183,6 +184,7 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
     name = sources.root.get("recipe")
     textures = texture_files.find(sources.root, path.parent, sources)
     used = {*asset_files.named(sources.root, path.parent, sources), *(file.path for file in textures.files.values())}
+    used |= own_bodies.named(sources.root, path.parent, sources)
     return str(name.data if name else ""), {*sources.files, *used}
 
 
@@ -234,6 +236,12 @@ def _beyond_plans(root: Value, variant: str, error: ValidationError) -> InputErr
 def _kinds(recipe: Recipe) -> dict[str, str]:
     """Asset name -> `mesh` or `image`."""
     return {name: "image" if asset.mesh is None else "mesh" for name, asset in recipe.assets.items()}
+
+
+def _own_ids(root: Value) -> list[str]:
+    """Return the ids of the recipe's own blueprints."""
+    own = root.get("blueprints")
+    return list(own.map) if own else []
 
 
 def _without_repeats(problems: Iterable[Problem], yaml_places: set[Place | None]) -> list[Problem]:
@@ -322,7 +330,7 @@ def _check_variants_in_part(
     base = root.get("base")
     if base is None or not isinstance(base.data, dict):
         return []
-    checker, found = Checker(base, kinds), Findings()
+    checker, found = Checker(base, kinds, _own_ids(root)), Findings()
     for merged in _bases_in_part(root, base, rules):
         problems: list[Problem] = []
         checker.base(merged, problems)

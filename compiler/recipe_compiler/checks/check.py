@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel, ValidationError, create_model
@@ -39,13 +39,16 @@ class Checker:
         values: the number of values that were validated so far.
     """
 
-    def __init__(self, base: Value, assets: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, base: Value, assets: Mapping[str, str] | None = None, own_blueprints: Sequence[str] = ()
+    ) -> None:
         """`base` is the recipe's own, before any delta: what deltas may name.
 
         `assets`: name -> mesh or image; None if they are not known, and names of assets are not checked.
+        `own_blueprints`: the ids of the recipe's blueprints.
         """
         own = () if assets is None else (references.unknown_asset(assets),)
-        self._checks = (*references.CHECKS, *own)
+        self._checks = (*references.CHECKS, *references.unknown_blueprints(own_blueprints), *own)
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
         self._cross_checks: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
         self._sections: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}

@@ -8,13 +8,14 @@ from __future__ import annotations
 import datetime
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
 from typing import TypeGuard
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.library import blueprints, towns, weather
 from recipe_compiler.schema import remedies
-from recipe_compiler.schema.fields import BLUEPRINT
+from recipe_compiler.schema.fields import BLUEPRINT, NAME_LENGTH
 from recipe_compiler.schema.messages import Suggestions, near, nearest
 from recipe_compiler.schema.scene import Town
 from recipe_compiler.schema.tick import MAX_TICK, nearest_ticks
@@ -63,20 +64,41 @@ def unknown_town(base: Value) -> Iterator[Problem]:
             yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key), remedy, Code.OUT_OF_RANGE)
 
 
-def unknown_blueprint(base: Value) -> Iterator[Problem]:
-    """Report blueprints and glob patterns that match nothing in the library."""
-    actors = base.get("actors")
-    for name in actors.map if actors else ():
-        glob = _text(base, "actors", name, "blueprint")
-        if glob is not None and re.search(BLUEPRINT, glob) and len(glob) <= 64 and not blueprints.match(glob):
-            message = f"actors.{name}.blueprint: {show(glob)} matches no blueprint"
-            place = base.place_of("actors", name, "blueprint")
-            yield Problem(message, place, blueprint_remedy(glob), Code.UNKNOWN_NAME)
+def unknown_blueprints(own: Sequence[str]) -> tuple[Check, ...]:
+    """Return checks that ids and glob patterns of blueprints match one of the library or of `own`, ids of the recipe's.
+
+    They read the actors, and the mix of the traffic.
+    """
+
+    def unknown(glob: str) -> bool:
+        known = blueprints.match(glob) if re.search(BLUEPRINT, glob) and len(glob) <= NAME_LENGTH else True
+        return not known and not any(fnmatchcase(name, glob) for name in own)
+
+    def unknown_blueprint(base: Value) -> Iterator[Problem]:
+        actors = base.get("actors")
+        for name in actors.map if actors else ():
+            glob = _text(base, "actors", name, "blueprint")
+            if glob is not None and unknown(glob):
+                message = f"actors.{name}.blueprint: {show(glob)} matches no blueprint"
+                place = base.place_of("actors", name, "blueprint")
+                yield Problem(message, place, blueprint_remedy(glob, own), Code.UNKNOWN_NAME)
+
+    def unknown_mix(base: Value) -> Iterator[Problem]:
+        mix = base.get("traffic", "mix")
+        for glob in mix.map if mix is not None else ():
+            if unknown(glob):
+                message, place = f"traffic.mix: {show(glob)} matches no blueprint", mix.key_place(glob) if mix else None
+                yield Problem(message, place, blueprint_remedy(glob, own), Code.UNKNOWN_NAME)
+
+    return (unknown_blueprint, ("actors",)), (unknown_mix, ("traffic",))
 
 
-def blueprint_remedy(glob: str) -> str:
-    """Return the remedy for an unknown blueprint: the nearest id, or the list of families."""
-    names = list(blueprints.names())
+def blueprint_remedy(glob: str, own: Sequence[str] = ()) -> str:
+    """Return the remedy for an unknown blueprint: the nearest id, or the list of families.
+
+    `own` are the ids of the recipe's blueprints.
+    """
+    names = [*blueprints.names(), *own]
     families = [name for name in names if name.endswith(".*")]
     family = next((name for name in families if f".{name}".endswith((f".{glob}.*", f".{glob}"))), None)
     head, _, number = glob.rpartition(".")
@@ -144,15 +166,6 @@ def uneven_tick(base: Value) -> Iterator[Problem]:
             yield Problem(message, base.place_of("sensors", name, "tick"), remedy, Code.OUT_OF_RANGE)
 
 
-def unknown_mix(base: Value) -> Iterator[Problem]:
-    """A glob of the traffic's mix that matches nothing in the library."""
-    mix = base.get("traffic", "mix")
-    for glob in mix.map if mix is not None else ():
-        if re.search(BLUEPRINT, glob) and len(glob) <= 64 and not blueprints.match(glob):
-            message, place = f"traffic.mix: {show(glob)} matches no blueprint", mix.key_place(glob) if mix else None
-            yield Problem(message, place, blueprint_remedy(glob), Code.UNKNOWN_NAME)
-
-
 def _removal(base: Value, section: str, name: str) -> Place | None:
     """Return the place where a delta removes an entry of a section, or the whole section."""
     entries = base.get(section)
@@ -217,11 +230,9 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
 CHECKS: tuple[Check, ...] = (
     (unknown_preset, ("weather",)),
     (unknown_town, ("town",)),
-    (unknown_blueprint, ("actors",)),
     (unknown_carrier, ("actors", "traffic", "sensors")),
     (unknown_sensor, ("traffic", "sensors")),
     (uneven_tick, ("clock", "sensors")),
-    (unknown_mix, ("traffic",)),
     (unknown_day, ("place",)),
     (names_alike, ("actors", "props", "patches", "sensors")),
 )

@@ -55,6 +55,7 @@ from recipe_compiler.ir.plan_types import (
     Tag,
     Ten,
 )
+from recipe_compiler.ir.plan_types import ActorMesh as ActorMesh
 from recipe_compiler.ir.plan_types import FilePlan as FilePlan
 from recipe_compiler.ir.plan_types import Plan as Plan
 from recipe_compiler.ir.plan_types import Point as Point
@@ -154,12 +155,14 @@ class ActorPlan(Plan):
     pauses: Annotated[tuple[Pause, ...], Field(max_length=MAX_POINTS)] = ()  # in order of their waypoints
     companion: Name | None = None  # the pedestrian that it accompanies; its route is then not used
     driver: DriverPlan | None = None
+    mesh: ActorMesh | None = None
 
     @model_serializer(mode="wrap")
-    def _without_absent_driver(self, own: SerializerFunctionWrapHandler) -> dict[str, object]:
+    def _without_absent_parts(self, own: SerializerFunctionWrapHandler) -> dict[str, object]:
         document: dict[str, object] = own(self)
-        if self.driver is None:
-            document.pop("driver", None)
+        for name in ("driver", "mesh"):
+            if getattr(self, name) is None:
+                document.pop(name, None)
         return document
 
 
@@ -274,7 +277,7 @@ class AppearancePlan(Plan):
     weather: Weather
     sun: Sun
     looks: Looks
-    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = Field(
+    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS + MAX_ACTORS)] = Field(
         default_factory=dict
     )  # body -> slot -> image
     patches: Patches = ()
@@ -312,6 +315,7 @@ class ScenarioPlan(Plan):
     def files(self) -> dict[str, FilePlan]:
         """The files that it uses, by digest."""
         meshes = [prop.mesh for prop in self.scene.props if prop.mesh is not None]
+        meshes += [actor.mesh.file for actor in self.scene.actors if actor.mesh is not None]
         images = [texture.file for slots in self.appearance.textures.values() for texture in slots.values()]
         patches = [file for patch in self.appearance.patches for file in patch.texture.files]
         return {file.sha256: file for file in [*meshes, *images, *patches]}

@@ -144,6 +144,8 @@ KINDS: dict[str, Kind] = {
 
 _MAX_REACH = 4.5  # metres, half the length of the longest vehicle
 
+_MAX_BODY = 20.0  # metres, extent of a body from a file
+
 _PERSON: dict[str, Range] = {
     "shoulder": (0.85, 1.15), "girth": (0.8, 1.35), "hair": (0, 10), "sleeves": (0, 1), "legs": (0, 2),
     "coat": (0.0, 0.35), "head": (0.95, 1.5), "limb": (0.85, 1.1), "bag": (0, 4),
@@ -236,6 +238,10 @@ def actor_fault(actor: ActorPlan) -> str | None:
     category, tag = ("pedestrian", Tag.PEDESTRIAN) if family == "walker" else ("vehicle", BODY_TAGS[kind])
     if (actor.category, actor.tag) != (category, tag):
         return f"a {actor.blueprint} is not a {actor.category} with tag {actor.tag}"
+    if actor.mesh is not None:
+        size = max(b - a for a, b in zip(actor.mesh.low, actor.mesh.high, strict=True))
+        if "rider" in actor.shape or size > _MAX_BODY:
+            return f"a {actor.blueprint} cannot have a body from a file whose extent is {size:g} m"
     return _shape_fault(actor.blueprint, actor.shape, ranges)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from recipe_compiler.ir.canonical import JsonValue
 
@@ -90,3 +90,18 @@ class FilePlan(Plan):
     sha256: Sha256
     bytes: Annotated[int, Field(ge=0, le=MAX_FILE_BYTES)]
     kind: Literal["glb", "gltf", "obj", "png", "stl"]
+
+
+class ActorMesh(Plan):
+    """The glTF file of an actor's body, in place of a mesh of the library."""
+
+    file: FilePlan
+    scale: Annotated[Number, Field(gt=0, le=100_000)] = 1.0  # metres of one unit of the file
+    low: tuple[Metres, Metres, Metres]  # its body box, metres; 0 is on the ground midway between axles or hips
+    high: tuple[Metres, Metres, Metres]
+
+    @model_validator(mode="after")
+    def _size(self) -> ActorMesh:
+        if self.file.kind not in ("glb", "gltf") or any(a >= b for a, b in zip(self.low, self.high, strict=True)):
+            raise ValueError("a body that is not a glTF file with a size")
+        return self

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
-from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.ir.plan import ActorMesh, ActorPlan, Pose, TexturePlan
 from recipe_compiler.ir.semantic_tags import BODIES, BODY_TAGS, Category, Tag
 from recipe_compiler.ir.streams import Stream
 
@@ -29,6 +29,8 @@ class Blueprint:
     palette: Palette
     default_speed: float  # m/s
     attributes: dict[str, str]
+    mesh: ActorMesh | None = None  # of a blueprint of the recipe
+    textures: Mapping[str, TexturePlan] = field(default_factory=dict)  # by slot, likewise
 
 
 _SKIN = ("#f1c7a5", "#e0ac86", "#c98f67", "#a86f4b", "#7d4f35", "#5a3826")
@@ -335,6 +337,7 @@ def specimen(blueprint: Blueprint) -> tuple[ActorPlan, dict[str, str]]:
         start=Pose(),
         route=(),
         speed=blueprint.default_speed,
+        mesh=blueprint.mesh,
     )
     colours = {slot: Stream(0, "specimen", blueprint.id, slot).choice(c) for slot, c in blueprint.palette.items()}
     return actor, colours
@@ -351,7 +354,18 @@ def parks(blueprint: Blueprint) -> bool:
     return blueprint.attributes.get("number_of_wheels") == "4" and blueprint.shape["length"] <= 5.6
 
 
+def match(glob: str, own: Sequence[Blueprint] = ()) -> tuple[Blueprint, ...]:
+    """Return the blueprints whose id matches a case-sensitive glob such as `walker.pedestrian.*`, sorted by id.
+
+    Args:
+        glob: the pattern.
+        own: the blueprints of the recipe, which are added to those of the library.
+    """
+    mine = [blueprint for blueprint in own if fnmatchcase(blueprint.id, glob)]
+    found = _match(glob)
+    return tuple(sorted((*found, *mine), key=lambda blueprint: blueprint.id)) if mine else found
+
+
 @functools.lru_cache(maxsize=256)
-def match(glob: str) -> tuple[Blueprint, ...]:
-    """Return the blueprints whose id matches a case-sensitive glob such as `walker.pedestrian.*`, sorted by id."""
+def _match(glob: str) -> tuple[Blueprint, ...]:
     return tuple(blueprint for blueprint in LIBRARY if fnmatchcase(blueprint.id, glob))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.path_planner import BODY
-from recipe_compiler.ir.plan import ActorPlan, DriverPlan, Point, Pose
+from recipe_compiler.ir.plan import ActorPlan, DriverPlan, Point, Pose, TexturePlan
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
@@ -31,11 +31,16 @@ class ActorLowering:
 
     Attributes:
         looks: colours, by actor and slot.
+        textures: images, by actor and slot.
         problems: problems found so far.
     """
 
-    def __init__(self, variant: Variant, base: Base, town: Town, instances: Mapping[str, int]) -> None:
+    def __init__(
+        self, variant: Variant, base: Base, town: Town, instances: Mapping[str, int], own: Sequence[Blueprint] = ()
+    ) -> None:
         self.looks: dict[str, dict[str, str]] = {}
+        self.textures: dict[str, dict[str, TexturePlan]] = {}
+        self._own = own
         self.problems: list[Problem] = []
         self._variant, self._base, self._town, self._instances = variant, base, town, instances
         self._spots = placement.Spots(town.spots)
@@ -92,7 +97,7 @@ class ActorLowering:
 
     def _choose(self, name: str, actor: Actor) -> Blueprint:
         """Draw the blueprint of a named actor from those that its glob pattern matches."""
-        blueprint = self._stream(name, "blueprint").choice(blueprints.match(actor.blueprint))
+        blueprint = self._stream(name, "blueprint").choice(blueprints.match(actor.blueprint, self._own))
         parent = self._variant.base.get("actors", name, "look")
         for slot in actor.look:
             if slot not in blueprint.palette and parent:
@@ -106,6 +111,8 @@ class ActorLowering:
             slot: look[slot].lower() if slot in look else self._stream(name, "look", slot).choice(colours)
             for slot, colours in sorted(blueprint.palette.items())
         }
+        if blueprint.textures:
+            self.textures[name] = dict(sorted(blueprint.textures.items()))
 
     def _named(self, name: str, actor: Actor, blueprint: Blueprint) -> ActorPlan | None:
         start = self._spots.take(blueprint, self._stream(name, "start")) if actor.start is None else None
@@ -157,7 +164,9 @@ class ActorLowering:
 
     def _traffic(self, category: Category, index: int) -> ActorPlan | None:
         name = f"traffic.{category}.{index}"
-        blueprint = traffic.blueprint(category, self._base.traffic, self._town, self._stream(name, "blueprint"))
+        blueprint = traffic.blueprint(
+            category, self._base.traffic, self._town, self._stream(name, "blueprint"), self._own
+        )
         keys, driver = self._base.traffic.driver, None
         if category == "vehicle":
             speed, driver = self._drawn_driver(name, blueprint)
@@ -226,7 +235,7 @@ class ActorLowering:
         if place is None:
             self._report_full("parked", "parked car", index)
             return None
-        fitting = [b for b in blueprints.match("vehicle.*") if blueprints.parks(b)]
+        fitting = [b for b in blueprints.match("vehicle.*", self._own) if blueprints.parks(b)]
         blueprint = self._stream(name, "blueprint").choice(fitting)
         self._colour(name, blueprint, {})
         return self._plan(name, placement.PARKED_NUMBERS + index, blueprint, place, (), 0.0)
@@ -267,4 +276,5 @@ class ActorLowering:
             start=Pose(x=start.x, y=start.y, z=z, yaw=start.yaw),
             route=route,
             speed=speed,
+            mesh=blueprint.mesh,
         )

@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import Code, Place, Problem
@@ -21,6 +22,9 @@ from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.file_help import nearest_file
 from recipe_compiler.source.merge import Sources, forbidden, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
+
+if TYPE_CHECKING:
+    from recipe_compiler.ir import assets
 
 MESH_BYTES = 32 << 20
 IMAGE_BYTES = 16 << 20
@@ -63,6 +67,7 @@ class AssetFile:
     low: Corner = (0.0, 0.0, 0.0)  # minimum corner of the bounding box
     high: Corner = (0.0, 0.0, 0.0)  # maximum corner
     materials: Mapping[str, Material] = field(default_factory=dict)  # by slot
+    shape: Mapping[str, float] = field(default_factory=dict)  # of a blueprint, as its file determines it
 
     @property
     def contents(self) -> str:
@@ -81,6 +86,8 @@ class NamedFile:
     path: str  # relative to the recipe's folder
     place: Place
     pinned: Place  # of its SHA-256
+    blueprint: str = ""  # the id of the blueprint whose body it is
+    scale: float = 1.0  # of a blueprint: metres of one unit
 
 
 def read(
@@ -114,7 +121,7 @@ def read(
         content = b""
         try:
             content = _content(asset, folder, path)
-            one = _decoded(name, asset, path, content)
+            one = _decoded(name, wanted, content)
         except (OSError, ValueError) as error:
             wasted += len(content)
             shown, reason = show(asset.mesh if asset.mesh is not None else asset.image), _reason(error, folder / path)
@@ -152,7 +159,7 @@ def _wanted(root: Value, assets: Mapping[str, Asset], folder: Path, sources: Sou
     wanted = {}
     for name, asset in assets.items():
         place = root.place_of("assets", name, "mesh" if asset.mesh is not None else "image")
-        path = _path(names.get(place.file, ""), asset.mesh or asset.image or "")
+        path = relative(names.get(place.file, ""), asset.mesh or asset.image or "")
         wanted[name] = NamedFile(f"assets.{name}", asset, path, place, root.place_of("assets", name, "sha256"))
     return wanted
 
@@ -165,11 +172,11 @@ def named(root: Value, folder: Path, sources: Sources) -> set[str]:
         for key in ("mesh", "image"):
             given = asset.get(key)
             if given is not None and isinstance(given.data, str):
-                found.add(_path(names.get(root.place_of("assets", name, key).file, ""), given.data))
+                found.add(relative(names.get(root.place_of("assets", name, key).file, ""), given.data))
     return found
 
 
-def _path(names_it: str, given: str) -> str:
+def relative(names_it: str, given: str) -> str:
     """Return a path relative to the recipe's folder.
 
     Args:
@@ -225,10 +232,13 @@ def _content(asset: Asset, folder: Path, path: str) -> bytes:
     return content
 
 
-def _decoded(name: str, asset: Asset, path: str, content: bytes) -> AssetFile:
+def _decoded(name: str, wanted: NamedFile, content: bytes) -> AssetFile:
     """Validate the content of one asset; ValueError if it is invalid."""
+    asset, path = wanted.asset, wanted.path
     kind = PurePosixPath(path).suffix[1:].lower()
     file = FilePlan(sha256=hashlib.sha256(content).hexdigest(), bytes=len(content), kind=kind)
+    if wanted.blueprint:
+        return _body(name, wanted, file, content)
     if asset.mesh is not None:
         return _mesh(name, path, file, asset.up, content)
     return _image(name, path, file, content)
@@ -246,6 +256,29 @@ def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) 
 
     up = up or ("z" if file.kind == "stl" else "y")
     mesh = assets.mesh(content, file.kind, up)
+    pixels, materials = _materials(mesh, file, content)
+    counts = mesh.triangles, len(mesh.parts)
+    return AssetFile(name, path, file, up, *counts, (pixels, 1), mesh.low, mesh.high, materials)
+
+
+def _body(name: str, wanted: NamedFile, file: FilePlan, content: bytes) -> AssetFile:
+    """Validate the body of a blueprint."""
+    from recipe_compiler.ir import assets
+    from recipe_compiler.lowering.own_bodies import measured
+
+    if file.kind not in ("glb", "gltf"):
+        raise ValueError("is not a glTF file; export it as .glb")
+    body = assets.body(content)
+    shape, low, high = measured(wanted.blueprint, body, wanted.scale)
+    pixels, materials = _materials(body.mesh, file, content)
+    counts = body.mesh.triangles, len(body.mesh.parts)
+    return AssetFile(name, wanted.path, file, "y", *counts, (pixels, 1), low, high, materials, shape)
+
+
+def _materials(mesh: assets.MeshData, file: FilePlan, content: bytes) -> tuple[int, dict[str, Material]]:
+    """Return the pixels of a mesh's images, and its materials by slot."""
+    from recipe_compiler.ir import assets
+
     materials: dict[str, Material] = {}
     for part in mesh.parts:
         known = materials.setdefault(part.slot, Material(part.colour, part.picture, part.repeat, part.mapped))
@@ -258,5 +291,4 @@ def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) 
         pixels += height * width
         if pixels > ALL_PIXELS:
             raise ValueError(f"its textures have more than {ALL_PIXELS >> 20} Mpx in total; make them smaller")
-    counts = mesh.triangles, len(mesh.parts)
-    return AssetFile(name, path, file, up, *counts, (pixels, 1), mesh.low, mesh.high, materials)
+    return pixels, materials

@@ -28,6 +28,7 @@ from recipe_compiler.ir.plan import (
 )
 from recipe_compiler.ir.weather import PARAMETERS
 from recipe_compiler.library import weather
+from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.seasons import Season, in_season
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering import lint, plausibility, props, sun, traffic
@@ -62,6 +63,7 @@ class Lowering:
         instances: Mapping[str, int],
         assets: Mapping[str, AssetFile] | None = None,
         textures: Mapping[Key, Sequence[AssetFile]] | None = None,
+        own: Sequence[Blueprint] = (),
         *,
         allow_large: bool = False,
     ) -> None:
@@ -69,6 +71,7 @@ class Lowering:
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
         self._instances, self._assets, self._textures = instances, assets or {}, textures or {}
+        self._own = own  # the blueprints of the recipe
         self._made: dict[tuple[object, ...], tuple[object, object]] = {}
 
     def _once(self, key: tuple[object, ...], holding: object, make: Callable[[], T]) -> T:
@@ -183,7 +186,7 @@ class Lowering:
 
     def _scene(self, variant: Variant, base: Base) -> _Scene | None:
         town = self._town(base.town)
-        actor_lowering = ActorLowering(variant, base, town, self._instances)
+        actor_lowering = ActorLowering(variant, base, town, self._instances, self._own)
         actors = actor_lowering.plans()
         self.problems += actor_lowering.problems
         stage = props.lower(base.props, self._assets, variant.base, town)
@@ -214,7 +217,7 @@ class Lowering:
         # All colours come from a palette or are validated. Validating a town's again would be the slowest step here.
         looks = Looks.model_construct(root={**town.looks, **actor_lowering.looks, **stage.looks})
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
-        return _Scene(plan, looks, stage.textures)
+        return _Scene(plan, looks, {**actor_lowering.textures, **stage.textures})
 
     def _looks(self, scene: _Scene, season: Season) -> Looks:
         """Return the colours of a scene in a season."""

@@ -68,14 +68,16 @@ def warmup(base: Base) -> float:
     return WARMUP if given.vehicles or given.pedestrians or given.density is not None else 0.0
 
 
-def blueprint(category: Category, traffic: scene.Traffic, town: Town, stream: Stream) -> Blueprint:
+def blueprint(
+    category: Category, traffic: scene.Traffic, town: Town, stream: Stream, own: Sequence[Blueprint] = ()
+) -> Blueprint:
     """Draw the blueprint of an actor of the traffic.
 
     The weight of a glob in `traffic.mix` is shared by the blueprints that it matches. A mix without any blueprint of
-    the category, or whose blueprints the town bars, is as if it were absent.
+    the category, or whose blueprints the town bars, is as if it were absent. `own` are the blueprints of the recipe.
     """
-    allowed = [b for b in blueprints.match(_GLOBS[category]) if not b.id.startswith(town.barred)]
-    weights = _weights(allowed, traffic)
+    allowed = [b for b in blueprints.match(_GLOBS[category], own) if not b.id.startswith(town.barred)]
+    weights = _weights(allowed, traffic, own)
     if not weights:
         return stream.choice(allowed)
     left = stream.unit() * sum(weight for _, weight in weights)
@@ -86,11 +88,13 @@ def blueprint(category: Category, traffic: scene.Traffic, town: Town, stream: St
     return weights[-1][0]
 
 
-def _weights(allowed: Sequence[Blueprint], traffic: scene.Traffic) -> list[tuple[Blueprint, float]]:
+def _weights(
+    allowed: Sequence[Blueprint], traffic: scene.Traffic, own: Sequence[Blueprint]
+) -> list[tuple[Blueprint, float]]:
     found: dict[str, float] = {}
     names = {b.id for b in allowed}
     for glob, weight in traffic.mix.items():
-        matches = [b.id for b in blueprints.match(glob) if b.id in names]
+        matches = [b.id for b in blueprints.match(glob, own) if b.id in names]
         for name in matches:
             found[name] = found.get(name, 0.0) + weight / len(matches)
     return [(b, found[b.id]) for b in allowed if b.id in found]

@@ -19,14 +19,17 @@ MAX_SEED = 2**32 - 1
 MAX_DRAWN = 1e15  # limit of the bounds of a draw: far larger than any number in a recipe, and the sum of two is finite
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folder names; tools that use file stems do not expect dots
 BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
+OWN_BLUEPRINT = r"^(walker\.pedestrian|vehicle\.(sedan|hatchback|suv|van|pickup|bus|truck))\.[A-Za-z0-9_-]+$"
 NAME_LENGTH = 64
 MAX_PROPS = 1000
 MAX_ASSETS = 100
+MAX_BLUEPRINTS = 50
 TRAFFIC_LIMIT = 250  # instance numbers are three digits, assigned in lowering/placement.py
 PARKED_LIMIT = 100  # likewise
 
 Name = Annotated[str, StringConstraints(pattern=NAME, max_length=NAME_LENGTH)]
 ActorName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=NAME_LENGTH)]
+OwnBlueprint = Annotated[str, StringConstraints(pattern=OWN_BLUEPRINT, max_length=NAME_LENGTH)]
 Glob = Annotated[str, StringConstraints(pattern=BLUEPRINT, max_length=NAME_LENGTH)]
 Weight = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
 Colour = Annotated[str, StringConstraints(pattern=r"^#[0-9A-Fa-f]{6}$")]

@@ -50,6 +50,10 @@ _CARLA = {  # CARLA's key -> ours, the first that the map may have
 }
 _NAME_RULE = "use letters, digits, _ and - only, a letter or digit first: names become folders"
 _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
+    "walker": (
+        "is not the id of an own blueprint",
+        "write `walker.pedestrian.NAME`, or `vehicle.KIND.NAME`: a sedan, hatchback, suv, van, pickup, bus or truck",
+    ),
     "#": ("is not a colour", 'write it as "#rrggbb"'),
     "(19|20)": ("is not a date", 'write it as "2022-08-12"'),
     "([01]": ("is not a time of day", 'write it as "19:40"'),

@@ -11,9 +11,18 @@ from recipe_compiler.ir.patches import MAX_PATCHES
 from recipe_compiler.ir.plan_types import MAX_SENSORS
 from recipe_compiler.library.seasons import Season
 from recipe_compiler.schema.camera import Sensor
-from recipe_compiler.schema.fields import MAX_ASSETS, MAX_PROPS, Model, Name, Seed, distinct
+from recipe_compiler.schema.fields import (
+    MAX_ASSETS,
+    MAX_BLUEPRINTS,
+    MAX_PROPS,
+    Model,
+    Name,
+    OwnBlueprint,
+    Seed,
+    distinct,
+)
 from recipe_compiler.schema.patches import Patch
-from recipe_compiler.schema.scene import Actor, Asset, Clock, Prop, Town, Traffic
+from recipe_compiler.schema.scene import Actor, Asset, Blueprint, Clock, Prop, Town, Traffic
 from recipe_compiler.schema.sweep import Sweep
 from recipe_compiler.schema.weather import Geography, Weather
 
@@ -83,6 +92,14 @@ class Recipe(Model):
     ] = None
     assets: Annotated[
         dict[Name, Asset], Field(max_length=MAX_ASSETS, description="Mesh and image files of the recipe, by name.")
+    ] = {}
+    blueprints: Annotated[
+        dict[OwnBlueprint, Blueprint],
+        Field(
+            max_length=MAX_BLUEPRINTS,
+            description="Types of actors from files, by id: `walker.pedestrian.NAME`, or `vehicle.` with sedan, "
+            "hatchback, suv, van, pickup, bus or truck and a name.",
+        ),
     ] = {}
     sweep: Annotated[Sweep, Field(description="Selection of variants. Default: all combinations of the deltas.")] = (
         Sweep()

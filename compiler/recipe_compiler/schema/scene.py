@@ -238,6 +238,28 @@ class Asset(Model):
         return self
 
 
+class Blueprint(Model):
+    """A type of actor of the recipe, whose body comes from a file."""
+
+    mesh: Annotated[
+        str,
+        Field(
+            max_length=200,
+            description="A .glb or .gltf file below this file's folder: a person with a skin on Mixamo's skeleton, or "
+            "a vehicle whose wheels are nodes of their own.",
+        ),
+    ]
+    sha256: Annotated[
+        str | None,
+        StringConstraints(pattern=r"^[0-9a-f]{64}$"),
+        Field(description="SHA-256 of the file; another content is an error. The lockfile pins it too."),
+    ] = None
+    scale: Annotated[
+        float, Field(ge=1e-4, le=1e4, allow_inf_nan=False, description="Length of one unit of the file, metres.")
+    ] = 1.0
+    speed: Annotated[float | None, bounded(0, 60, "Speed of its actors, m/s. Default: that of its family.")] = None
+
+
 class Standing(GroundPoint):
     """The pose of a prop."""
 

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.ir.plan import ActorMesh, ActorPlan
 
 from recipe_runtime.body import riding, walk_cycle
 from recipe_runtime.body.kinematics import IDENTITY, PartPose
-from recipe_runtime.body.skeleton import Bike, Figure, has_rider, is_person
+from recipe_runtime.body.skeleton import Bike, Figure, axle_shift, has_rider, is_person
 from recipe_runtime.body.wheels import Cars
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, compose, invert, rigid_transform
@@ -50,7 +50,9 @@ class BodyBox:
 
 
 def body_box(actor: ActorPlan) -> BodyBox:
-    """Return the body box of an actor, which depends on the shape of its blueprint alone."""
+    """Return the body box of an actor, which depends on its blueprint alone."""
+    if actor.mesh is not None:
+        return _given_box(actor, actor.mesh)
     return _shape_box(tuple(sorted(actor.shape.items())), actor.tag)
 
 
@@ -107,6 +109,18 @@ class TightBoxes:
         rows = self._trace.actor_parts(actor)
         moved = self._vertices[id(shape)].placed(compose(invert(parts[rows[0]]), parts[rows]))
         return moved.min(axis=1), moved.max(axis=1)
+
+
+def _given_box(actor: ActorPlan, mesh: ActorMesh) -> BodyBox:
+    """Return the box that the plan gives for a body from a file; the soles are about those of people of the library."""
+    low, high = np.array(mesh.low), np.array(mesh.high)
+    if not is_person(actor.shape):
+        shift = np.array((axle_shift(actor.shape), 0.0, 0.0))
+        return BodyBox(np.array((*(low + shift)[:2], 0.0)), high + shift)
+    figure = Figure.of(actor.shape)
+    heel, toe, wide = -0.045 * figure.height, 0.11 * figure.height, 0.03 * figure.height
+    sole = np.array([(x, y, -figure.ankle) for x in (heel, toe) for y in (-wide, wide)])
+    return BodyBox(np.array((low[0], low[1], 0.0)), high, tuple((name, sole) for name in _SOLES))
 
 
 @lru_cache(maxsize=SHAPES_CACHE_SIZE)

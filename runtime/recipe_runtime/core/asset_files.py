@@ -72,6 +72,13 @@ class Assets:
         except files.AssetError as error:
             raise RunError(f"{prop.name}: {error}") from None
 
+    def body(self, file: FilePlan) -> files.BodyData:
+        """Return the body of an actor; RunError if it cannot be loaded."""
+        try:
+            return files.body(self.content(file))
+        except files.AssetError as error:
+            raise RunError(f"sha256:{file.sha256}: {error}") from None
+
     def image(self, texture: TexturePlan) -> NDArray[np.uint8]:
         """Return the pixels of a texture, uint8 [H, W, 3] sRGB; RunError if it cannot be loaded."""
         try:

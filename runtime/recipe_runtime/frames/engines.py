@@ -89,7 +89,12 @@ def real_engines(assets: Assets | None = None, simulated: Callable[[int, int], N
     """
     assets = assets or Assets()
     simulate = partial(_simulate, progress=simulated) if simulated else _simulate
-    return Engines(simulate=simulate, actors=_actors, renderer=partial(_renderer, assets=assets), assets=assets)
+    return Engines(
+        simulate=simulate,
+        actors=partial(_actors, assets=assets),
+        renderer=partial(_renderer, assets=assets),
+        assets=assets,
+    )
 
 
 def devices(name: str) -> tuple[str, ...]:
@@ -129,10 +134,10 @@ def _simulate(scene: ScenePlan, progress: Callable[[int, int], None] | None = No
     return simulate(scene, progress)
 
 
-def _actors(scene: ScenePlan) -> list[Body]:
-    from recipe_runtime.meshes import actor_body
+def _actors(scene: ScenePlan, assets: Assets) -> list[Body]:
+    from recipe_runtime.meshes import actor_bodies
 
-    return [actor_body(actor) for actor in scene.actors]
+    return actor_bodies(scene.actors, assets)
 
 
 def _renderer(scene: ScenePlan, device: str, assets: Assets) -> SceneRenderer:

@@ -3,12 +3,12 @@
 from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.core.asset_files import Assets
-from recipe_runtime.meshes.actors import actor_body
+from recipe_runtime.meshes.actors import actor_bodies, actor_body
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.meshes.props import prop_bodies
 from recipe_runtime.meshes.town import signal_bodies, town_bodies
 
-__all__ = ["actor_body", "scene_bodies", "signal_bodies", "town_bodies"]
+__all__ = ["actor_bodies", "actor_body", "scene_bodies", "signal_bodies", "town_bodies"]
 
 
 def scene_bodies(scene: ScenePlan, assets: Assets) -> list[Body]:
@@ -18,4 +18,4 @@ def scene_bodies(scene: ScenePlan, assets: Assets) -> list[Body]:
     lights in the order of the town's elements.
     """
     still = [*town_bodies(scene.town), *prop_bodies(scene.props, assets)]
-    return [*still, *(actor_body(actor) for actor in scene.actors), *signal_bodies(scene.town)]
+    return [*still, *actor_bodies(scene.actors, assets), *signal_bodies(scene.town)]

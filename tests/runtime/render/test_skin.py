@@ -122,7 +122,7 @@ def test_no_part_of_a_skin_is_lost_at_the_border_of_the_picture() -> None:
 
 def pictures_differ(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     """Return the share of pixels that differ by more than the dark ground below one box of a body or several."""
-    return float((np.abs(a.astype(int) - b.astype(int)).max(axis=-1) > 15).mean())
+    return float((np.abs(a.astype(int) - b.astype(int)).max(axis=-1) > 25).mean())
 
 
 @pytest.mark.parametrize("altitude", [40.0, -30.0], ids=["sun", "lamp"])

@@ -5,7 +5,8 @@ checked before memory is allocated, references to other files are not followed, 
 with the fault and a remedy. Numbers are rounded to a fixed grid by arithmetic that is the same on every CPU.
 """
 
-from recipe_compiler.ir.assets.decode import image, mesh
+from recipe_compiler.ir.assets.bodies import BodyData
+from recipe_compiler.ir.assets.decode import body, image, mesh
 from recipe_compiler.ir.assets.geometry import AssetError, MeshData, Part
 
-__all__ = ["AssetError", "MeshData", "Part", "image", "mesh"]
+__all__ = ["AssetError", "BodyData", "MeshData", "Part", "body", "image", "mesh"]

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from recipe_compiler.ir.assets import gltf, obj, png, stl
+from recipe_compiler.ir.assets import bodies, gltf, obj, png, stl
 from recipe_compiler.ir.assets.geometry import AssetError, MeshData, Raw, finish
 
 _READERS: dict[str, Callable[[bytes], Sequence[Raw]]] = {
@@ -22,6 +22,12 @@ def mesh(content: bytes, kind: str, up: str) -> MeshData:
     """Return the mesh in a file of a kind in `_READERS`, whose axis `up` (y or z) points up."""
     with _as_one_error():
         return finish(_READERS[kind](content), up)
+
+
+def body(content: bytes) -> bodies.BodyData:
+    """Return the body of an actor in a glTF file."""
+    with _as_one_error():
+        return bodies.read(content)
 
 
 def image(content: bytes, kind: str, number: int | None = None) -> png.Pixels:

@@ -39,6 +39,7 @@ class Part:
     picture: int | None = None
     repeat: bool = True  # wrap mode beyond the picture's edges: repeat, else clamp
     mapped: bool = False  # whether the file has texture coordinates for it
+    follows: Floats | None = None  # [V, 8] of an actor's body: four nodes, then the weight of each, of sum 1
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class Raw:
     picture: int | None = None
     repeat: bool = True
     both_sides: bool = False
+    follows: Floats | None = None  # [V, 8] of an actor's body: four nodes, then the weight of each, of sum 1
 
 
 def finish(raws: Sequence[Raw], up: str) -> MeshData:
@@ -130,20 +132,24 @@ def _part(raw: Raw, up: str) -> Part | None:
         return None
     faces = faces / lengths(faces)
     uvs = np.zeros((len(vertices), 2)) if raw.uvs is None else _bounded(raw.uvs, "a texture coordinate", MAX_UV)
+    follows = np.zeros((len(vertices), 0)) if raw.follows is None else raw.follows
     if raw.normals is None:
         order = triangles.reshape(-1)
         vertices, uvs, normals = vertices[order], uvs[order], np.repeat(faces, 3, axis=0)
+        follows = follows[order]
         triangles = np.arange(len(order), dtype=np.int64).reshape(-1, 3)
     else:
         normals = _unit(_turned(_bounded(raw.normals, "a normal", MAX_COORDINATE), up), triangles, faces)
         used, triangles = np.unique(triangles, return_inverse=True)
         vertices, uvs, normals, triangles = vertices[used], uvs[used], normals[used], triangles.reshape(-1, 3)
+        follows = follows[used]
     if raw.both_sides:
         triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
         vertices, uvs = np.concatenate([vertices, vertices]), np.concatenate([uvs, uvs])
-        normals = np.concatenate([normals, -normals])
+        normals, follows = np.concatenate([normals, -normals]), np.concatenate([follows, follows])
     shape = vertices, rounded(normals), rounded(uvs), triangles
-    return Part(raw.slot, *shape, raw.colour, raw.picture, raw.repeat, raw.uvs is not None)
+    kept = None if raw.follows is None else follows
+    return Part(raw.slot, *shape, raw.colour, raw.picture, raw.repeat, raw.uvs is not None, kept)
 
 
 def _bounded(values: Floats, what: str, most: float) -> Floats:

@@ -18,9 +18,11 @@ _REACH = 0.35  # metres from a rectangle's plane within which a body shows a pat
 
 
 def actor_surfaces(actor: ActorPlan) -> Iterator[Surface]:
-    """Yield the surfaces of an actor, texture maps first."""
+    """Yield the surfaces of an actor, texture maps first. A body from a file has rectangles on all its materials."""
     shape = actor.shape
-    if actor.category == "pedestrian":
+    if actor.mesh is not None:
+        yield from _of_file(actor)
+    elif actor.category == "pedestrian":
         yield from _person(actor.name, shape, shape["height"])
     elif "rider" in shape:
         x, y, z = 0.75 * shape["length"] / 2, shape["width"] / 2, 0.8 * shape["height"]
@@ -37,10 +39,21 @@ def _vehicle(name: str, shape: Mapping[str, float]) -> Iterator[Surface]:
     low, high = (-x, -y, 0.0), (x, y, z)
     rows = [sides("chassis", low, high, names) for names in (("left", "front"), ("top",), ("right", "rear"))]
     yield texture_map("body", name, _PAINT, rows)
+    yield from _sides(name, shape, _PAINT)
+
+
+def _sides(name: str, shape: Mapping[str, float], slots: tuple[str, ...]) -> Iterator[Surface]:
     x, y, z = shape["length"] / 2, shape["width"] / 2, shape["height"]
     base = shape["clearance"]
     for side in sides("chassis", (-x, -y, base), (x, y, z), ("left", "right", "front", "rear", "top")):
-        yield _rectangle(name, "roof" if side.side == "top" else side.side, side, _PAINT)
+        yield _rectangle(name, "roof" if side.side == "top" else side.side, side, slots)
+
+
+def _of_file(actor: ActorPlan) -> Iterator[Surface]:
+    if actor.category == "pedestrian":
+        yield from _chest(actor.name, actor.shape, actor.shape["height"], ())
+    else:
+        yield from _sides(actor.name, actor.shape, ())
 
 
 def _person(name: str, shape: Mapping[str, float], h: float) -> Iterator[Surface]:
@@ -63,9 +76,14 @@ def _person(name: str, shape: Mapping[str, float], h: float) -> Iterator[Surface
         row = [sides(f"{arm}_{hand}", *box, _ROUND, f"{arm}_{hand} ") for hand in ("left", "right")]
         rows.append([side for found in row for side in found])
     yield texture_map("shirt", name, _SHIRT, rows)
+    yield from _chest(name, shape, h, _SHIRT)
+
+
+def _chest(name: str, shape: Mapping[str, float], h: float, slots: tuple[str, ...]) -> Iterator[Surface]:
+    girth, wide = max(shape["girth"], 1.0), max(shape["shoulder"], shape["girth"], 1.0)
     chest = (-0.07 * h * girth, -0.1 * h * wide, 0.0), (0.07 * h * girth, 0.1 * h * wide, 0.22 * h)
     for side, label in zip(sides("torso", *chest, ("front", "rear")), ("chest", "back"), strict=True):
-        yield _rectangle(name, label, side, _SHIRT, middle=True)
+        yield _rectangle(name, label, side, slots, middle=True)
 
 
 def _rectangle(body: str, name: str, side: BoxSide, slots: tuple[str, ...], middle: bool = False) -> FlatSurface:
