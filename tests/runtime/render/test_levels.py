@@ -86,11 +86,12 @@ def test_an_object_looks_like_one_of_its_versions_also_from_a_camera_that_reuses
     assert names[0] == names[-1] == "near" and "far" in names
 
 
-def test_a_recorded_frame_shows_the_same_versions() -> None:
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
+def test_a_recorded_frame_shows_the_same_versions(device: str) -> None:
     poses = np.stack([pose_at(frame) for frame in (0, 4, 7, 8)])
     parts = poses[:, None]
     renderer = Renderer(scene(both()))
-    stream = renderer.frame_stream(CAMERA, "street", [SUNNY], in_flight=1)
+    stream = Renderer(scene(both()), device).frame_stream(CAMERA, "street", [SUNNY], in_flight=1)
     batch = FrameBatch(range(4), [0.0] * 4, np.stack([EYE] * 4), parts)
     for number, frame in enumerate(stream.frames(batch)):
         seen = renderer.observe(CAMERA, EYE, parts[number])

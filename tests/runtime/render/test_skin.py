@@ -141,12 +141,13 @@ def test_a_skin_casts_the_shadow_of_the_moved_mesh(altitude: float) -> None:
     assert pictures_differ(skin, empty) > 0.015
 
 
-def test_reused_and_recorded_frames_of_a_skin_have_the_bytes_of_full_ones() -> None:
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
+def test_reused_and_recorded_frames_of_a_skin_have_the_bytes_of_full_ones(device: str) -> None:
     bodies = [Body("road", 0, (("base", ground(60, ROAD)),)), SUBJECT]
     parts = np.stack([pose(0.02 * n, (9.0 * n, -7.0 * n), 5.0 * n) for n in range(6)])
     plan = appearance(40.0, 200.0, LOOKS)
     keeping, forgetting = Renderer(bodies), Renderer(bodies, reuse=NO_REUSE)
-    stream = keeping.frame_stream(CAMERA, "street", [plan], in_flight=1)
+    stream = Renderer(bodies, device).frame_stream(CAMERA, "street", [plan], in_flight=1)
     batch = FrameBatch(range(6), [0.0] * 6, np.stack([EYE] * 6), parts)
     for number, recorded in enumerate(stream.frames(batch)):
         full, reused = (r.observe(CAMERA, EYE, parts[number]) for r in (forgetting, keeping))
