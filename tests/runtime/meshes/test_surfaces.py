@@ -14,8 +14,8 @@ from recipe_compiler.library.surfaces import FlatSurface, WholeSurface
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.meshes.actors import actor_body
 from recipe_runtime.meshes.mesh import Body, Mesh
-from recipe_runtime.meshes.skin import split_parts
 from recipe_runtime.meshes.props import prop_bodies
+from recipe_runtime.meshes.skin import split_parts
 from recipe_runtime.meshes.town import _body
 
 LEAST = {"sign": 0.6, "fence": 0.8}  # a sign's rectangle encloses its plate, and a fence has posts

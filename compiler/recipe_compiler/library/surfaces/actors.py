@@ -59,7 +59,7 @@ def _of_file(actor: ActorPlan) -> Iterator[Surface]:
 def _person(name: str, shape: Mapping[str, float], h: float) -> Iterator[Surface]:
     """Yield the surfaces of the shirt or coat of a person `h` metres tall."""
     girth, wide = max(shape["girth"], 1.0), max(shape["shoulder"], shape["girth"], 1.0)
-    torso = (-0.105 * h * girth, -0.14 * h * wide, -0.055 * h), (0.105 * h * girth, 0.14 * h * wide, 0.3 * h)
+    torso = (-0.105 * h * girth, -0.145 * h * wide, -0.055 * h), (0.105 * h * girth, 0.145 * h * wide, 0.3 * h)
     rows = [sides("torso", *torso, (*_ROUND, "top"))]
     hip = 0.0 if "rider" in shape else (0.045 + 0.475 * shape["limb"]) * h  # above the origin of the pelvis
     low, high = hip - 0.05 * h - shape["coat"], hip + 0.1 * h
