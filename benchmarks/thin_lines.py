@@ -63,7 +63,7 @@ def pan(plan: ScenarioPlan, frames: int) -> Iterator[tuple[Picture, Picture]]:
     looks = [plan.appearance.model_copy(update={"responses": {sensor.name: r}}) for r in responses]
     for frame in range(frames):
         turn = exact.atan2_deg(STEP * frame, optics.focal_length(sensor.camera))
-        seen = renderer.observe(sensor.camera, turned(start, turn), parts)
+        seen = renderer.observe(sensor.camera, turned(start, turn), parts, None)
         once, reference = (255.0 * renderer.unrounded(seen, look, sensor.name, frame, 0.0) for look in looks)
         yield once, reference
 

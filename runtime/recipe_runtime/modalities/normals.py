@@ -35,7 +35,8 @@ def _kernel():
     from recipe_runtime.render.raster.distortion_kernels import Distortion, nearest_sample
     from recipe_runtime.render.raster.label_kernels import triangle_of
     from recipe_runtime.render.raster.skin_kernels import blended_normal
-    from recipe_runtime.render.sampling.sample_kernels import CENTRE, barycentric_weights, ray_of
+    from recipe_runtime.render.sampling.coverage_kernels import CENTRE
+    from recipe_runtime.render.sampling.sample_kernels import barycentric_weights, ray_of
     from recipe_runtime.render.scene.pinhole import Pinhole
 
     wp.set_module_options(OPTIONS)

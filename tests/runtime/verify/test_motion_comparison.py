@@ -101,9 +101,11 @@ def test_frames_before_the_bodies_diverge_have_no_excuse(locked: Lockfile) -> No
 class ShadowRenderer(fakes.Renderer):
     """Render the shadow of a van behind the camera, as a red tint; the van itself is not visible."""
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> fakes.Seen:
+    def observe(
+        self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+    ) -> fakes.Seen:
         self._red = int(parts[2][1, 3] * 8) % 128
-        return super().observe(camera, world_from_sensor, parts)
+        return super().observe(camera, world_from_sensor, parts, lamps)
 
     def picture(self, obs: fakes.Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         colours = super().picture(obs, appearance, frame)

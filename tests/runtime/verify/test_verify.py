@@ -191,8 +191,10 @@ class _NoisyShader(fakes.Renderer):
 
 
 class _NoisyObserver(fakes.Renderer):
-    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> fakes.Seen:
-        seen = super().observe(camera, world_from_sensor, parts)
+    def observe(
+        self, camera: CameraPlan, world_from_sensor: Array, parts: Array, lamps: NDArray[np.int32] | None = None
+    ) -> fakes.Seen:
+        seen = super().observe(camera, world_from_sensor, parts, lamps)
         seen.depth[2, 3] += np.float32(random.Random().uniform(1, 2))
         return seen
 

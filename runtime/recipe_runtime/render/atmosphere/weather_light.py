@@ -290,7 +290,7 @@ def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
 def _set_fog(air: Any, s: _State, irradiance: _Irradiance, sunlight: Colour) -> None:
     """Set fog, which begins at its distance and thins with height, and haze by rain, dust and air, which is uniform."""
     w = s.weather
-    grains, mist = 0.05 * s.dust * s.dust, 0.009 * s.rain
+    grains, mist = 0.05 * s.dust * s.dust, 0.004 * s.rain
     fog, aerosol = extinction(w.fog_density), 0.0001 + 0.0006 * max(s.haze.mie - 0.107, 0.0)
     haze = grains + mist + aerosol
     air.fog, air.haze, air.clear_air = fixed(fog), fixed(haze), fixed(_CLEAR_AIR)
