@@ -61,9 +61,10 @@ def pan(plan: ScenarioPlan, frames: int) -> Iterator[tuple[Picture, Picture]]:
     start = sensor_transform(sensor, trace, 0)
     responses = [CameraResponse(noise=0.0, supersample=n) for n in (1, 4)]
     looks = [plan.appearance.model_copy(update={"responses": {sensor.name: r}}) for r in responses]
+    dark = np.zeros(len(plan.scene.actors), np.int32)  # no lamp is lit
     for frame in range(frames):
         turn = exact.atan2_deg(STEP * frame, optics.focal_length(sensor.camera))
-        seen = renderer.observe(sensor.camera, turned(start, turn), parts, None)
+        seen = renderer.observe(sensor.camera, turned(start, turn), parts, dark)
         once, reference = (255.0 * renderer.unrounded(seen, look, sensor.name, frame, 0.0) for look in looks)
         yield once, reference
 

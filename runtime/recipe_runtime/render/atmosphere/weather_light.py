@@ -208,6 +208,8 @@ def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH)
     # Evening light is redder, by dust.
     golden = _mix(np.ones(3), np.array([1.08, 0.86, 0.58]), _smoothstep(28.0, 8.0, altitude))
     left: Colour = golden * white * _attenuation(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL)
+    # A camera's white balance follows the light of evening, but not all the way.
+    left = _desaturate(left, 0.5 * _smoothstep(14.0, 3.0, altitude))
     return left * _smoothstep(-1.2, 0.8, altitude)
 
 
