@@ -93,9 +93,9 @@ def _bicycle(b: Builder, x: float, ahead: float, frame: Surface) -> None:
 
     radius = 0.34
     for hub in (-0.52, 0.52):
-        rim = [at(hub + radius * c, 0.017 + radius + radius * s) for c, s in circle(20)]
-        tube(b, _TYRE, [*rim, rim[0]], 0.017, 5)
-        for c, s in circle(10, 9.0):
+        rim = [at(hub + radius * c, 0.017 + radius + radius * s) for c, s in circle(14)]
+        tube(b, _TYRE, [*rim, rim[0]], 0.017, 4)
+        for c, s in circle(6, 9.0):
             tube(b, _METAL, [at(hub, 0.35), at(hub + 0.95 * radius * c, 0.35 + 0.95 * radius * s)], 0.0025, 3)
     crank, seat, head = at(-0.08, 0.29), at(-0.22, 0.82), at(0.4, 0.86)
     rear, front = at(-0.52, 0.35), at(0.52, 0.35)

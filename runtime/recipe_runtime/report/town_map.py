@@ -27,10 +27,8 @@ _VEHICLE, _PEDESTRIAN, _SENSOR = "#1f5fb0", "#c2571a", "#7a2a9b"
 _TRAFFIC = "#ffd23f"
 _CAST = ("#c01f3a", "#0a7d3c", "#0b63c9", "#a85b00", "#8a1f8f", "#00707a")
 _FRONTED = ("building", "house", "wall")  # elements with the origin in the middle of their front
-_THINGS = (
-    "bench", "bicycles", "billboard", "board", "bollard", "bus_stop", "cafe", "delivery", "fountain", "kiosk", "lamp",
-    "letter_box", "planter", "statue",
-)  # fmt: skip
+_THINGS = ("bench", "bicycles", "billboard", "board", "bollard", "bus_stop", "cafe", "delivery", "fountain", "kiosk",
+           "lamp", "letter_box", "planter", "statue")  # fmt: skip
 _LAMPS = ("#e03131", "#f2b01e", "#2fb344")  # of a traffic light, from the top
 
 

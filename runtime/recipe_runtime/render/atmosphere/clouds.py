@@ -7,7 +7,7 @@ shade lies where the cloud is seen in front of the sun.
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
-from recipe_runtime.render.atmosphere.air import HALO_ROWS, Air, clear_sky, lookup
+from recipe_runtime.render.atmosphere.air import HALO_ROWS, Air, apply_fog, clear_sky, lookup, transmittance
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash3, noise2, smoothstep, unit
@@ -149,3 +149,10 @@ def sky(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.
     lit = bright + halo * (0.5 * rim + 0.12 * clamp01(c) * cloud[1])
     share = cloud[0] * (fading + (1.0 - fading) * whole_cover)
     return mix(clear, lit, share)
+
+
+@wp.func
+def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.vec3f:
+    """Return the sky along a unit direction behind fog; the path is longer near the horizon. `foot`: as of `sky`."""
+    far = 300.0 / (maximum(d[2], 0.0) + 0.06)
+    return apply_fog(air, sky(air, eye, d, foot), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))

@@ -99,6 +99,24 @@ def is_window(pattern: wp.int32) -> bool:
 
 
 @wp.func
+def coat_of(pattern: wp.int32) -> wp.vec2f:
+    """Return reflectance at normal incidence and gloss of metal, lenses, water and rubber; 0 and 0 of matt surfaces."""
+    if pattern == Pattern.METAL:
+        return wp.vec2f(0.12, 0.6)
+    elif pattern == Pattern.HEADLIGHT:
+        return wp.vec2f(0.2, 0.9)
+    elif pattern == Pattern.TAILLIGHT:
+        return wp.vec2f(0.08, 0.9)
+    elif pattern == Pattern.LENS or (pattern >= Pattern.BRAKELIGHT and pattern <= Pattern.REVERSELIGHT):
+        return wp.vec2f(0.14, 0.9)
+    elif pattern == Pattern.WATER:
+        return wp.vec2f(0.03, 0.985)
+    elif pattern == Pattern.RUBBER:
+        return wp.vec2f(0.03, 0.4)
+    return wp.vec2f(0.0, 0.0)
+
+
+@wp.func
 def material_of(
     pattern: wp.int32,
     air: wp.array[Air],
@@ -135,37 +153,18 @@ def material_of(
         m.albedo = first * 0.35
         m.coat = 0.09
         m.gloss = 0.97
-    elif pattern == Pattern.METAL:
-        m.coat = 0.12
-        m.gloss = 0.6
     elif pattern == Pattern.LAMP:
         m.glow = first * (air[0].night * air[0].emissive_gain * 3.0e-2)
     elif pattern == Pattern.SIGNAL:
         m.glow = first * air[0].signal
-    elif pattern == Pattern.HEADLIGHT:
-        m.coat = 0.2
-        m.gloss = 0.9
-    elif pattern == Pattern.TAILLIGHT:
-        m.coat = 0.08
-        m.gloss = 0.9
-    elif (
-        pattern == Pattern.LENS
-        or pattern == Pattern.BRAKELIGHT
-        or pattern == Pattern.INDICATOR
-        or pattern == Pattern.REVERSELIGHT
-    ):
-        m.coat = 0.14
-        m.gloss = 0.9
     elif pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS:
         m.soft = MAX_SOFTNESS
     elif pattern == Pattern.SKIN or is_cloth(pattern) or pattern == Pattern.HAIR:
         m.soft = 0.15
-    elif pattern == Pattern.WATER:
-        m.coat = 0.03
-        m.gloss = 0.985
-    elif pattern == Pattern.RUBBER:
-        m.coat = 0.03
-        m.gloss = 0.4
+    else:
+        coat = coat_of(pattern)
+        m.coat = coat[0]
+        m.gloss = coat[1]
     return m
 
 

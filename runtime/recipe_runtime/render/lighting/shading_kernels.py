@@ -11,13 +11,12 @@ from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import (
     Air,
     ambient,
-    apply_fog,
     decay,
     fog_veil,
     reflected_sky,
     transmittance,
 )
-from recipe_runtime.render.atmosphere.clouds import cloud_shadow, sky
+from recipe_runtime.render.atmosphere.clouds import cloud_shadow, sky_through_fog
 from recipe_runtime.render.device.setup import BLOCK_SIZE, OPTIONS, wp
 from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
@@ -117,13 +116,6 @@ def sky_reflection(
         seen = seen * (0.3 + 0.7 * smoothstep(roofs - 0.02, roofs + 0.02, d[2]))
     share = fresnel(m.coat, m.gloss, facing) * (1.0 - 0.5 * rough)
     return seen * (share * open_sky)
-
-
-@wp.func
-def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.vec3f:
-    """Return the sky along a unit direction behind fog; the path is longer near the horizon. `foot`: as of `sky`."""
-    far = 300.0 / (maximum(d[2], 0.0) + 0.06)
-    return apply_fog(air, sky(air, eye, d, foot), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
 
 
 @wp.func

@@ -91,8 +91,7 @@ class Observer:
             world_from_sensor: Its pose, [3, 4].
             parts: World transforms of the moving parts, [P, 3, 4].
             lamps: A mask of `LampState` for each actor, [A]; None: none of them is lit.
-            focal: Focal length of the picture for which the objects' levels are chosen, in its pixels; of the camera
-                itself if it is None.
+            focal: Focal length, in pixels, for which the objects' levels are chosen; None: that of the camera.
         """
         focal = focal or focal_length(camera)
         if len(parts) != self._g.parts:

@@ -220,6 +220,16 @@ def normal_at(scene: wp.array[SceneArrays], t: wp.vec3i, w: wp.vec3f, part: wp.i
     return n
 
 
+@wp.func
+def image_steps(scene: wp.array[SceneArrays], t: wp.vec3i, ray: wp.vec3f, focal: wp.float32, uv: wp.vec2f) -> wp.vec4f:
+    """Return the steps of an image's coordinates between pixels, on a triangle; the longer one first."""
+    view = scene[0].view
+    uvs = scene[0].uvs
+    return order_steps(
+        steps_between_pixels(ray, focal, view[t[0]], view[t[1]], view[t[2]], uvs[t[0]], uvs[t[1]], uvs[t[2]], uv)
+    )
+
+
 @wp.kernel(launch_bounds=(BLOCK_SIZE, 5))  # limits registers, so that 5 blocks run at once
 def evaluate_samples(
     first_sample: wp.int32,
@@ -277,11 +287,7 @@ def evaluate_samples(
     out_codes[i] = detail.code
     out_puddle_depths[i] = UNKNOWN_DEPTH
     if pattern == Pattern.IMAGE:
-        view = scene[0].view
-        uvs = scene[0].uvs
-        steps = order_steps(
-            steps_between_pixels(ray, focal, view[t[0]], view[t[1]], view[t[2]], uvs[t[0]], uvs[t[1]], uvs[t[2]], uv)
-        )
+        steps = image_steps(scene, t, ray, focal, uv)
         out_details[i] = wp.vec4f(uv[0], uv[1], steps[0], steps[1])
         out_codes[i] = second_step(steps)
 

@@ -16,7 +16,7 @@ from recipe_runtime.render.texture.detail import Detail
 from recipe_runtime.render.texture.green import is_plant, plant
 from recipe_runtime.render.texture.ground import asphalt, kerb, lanes, paving, ripples, road_paint
 from recipe_runtime.render.texture.lettering import letter, poster
-from recipe_runtime.render.texture.vehicle import bodywork, cabin, is_lamp, number_plate, reflector
+from recipe_runtime.render.texture.vehicle import is_lamp, is_of_vehicle, vehicle
 from recipe_runtime.render.texture.wall import boards, bricks, panels, planks, roof_tiles, stones, wall
 from recipe_runtime.render.texture.window import curtain_wall, facade, shop_window, window
 
@@ -55,6 +55,14 @@ def timber(d: Detail, pattern: wp.int32, uv: wp.vec2f, foot: wp.float32) -> Deta
     if pattern == Pattern.CLAPBOARD:
         return boards(d, uv, foot)
     return planks(d, uv, foot)
+
+
+@wp.func
+def front(d: Detail, pattern: wp.int32, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
+    """A pane of a curtain wall or of a shop."""
+    if pattern == Pattern.CURTAIN_WALL:
+        return curtain_wall(d, uv, sight, foot)
+    return shop_window(d, uv, sight, foot)
 
 
 @wp.func
@@ -121,24 +129,16 @@ def detail_of(
         return masonry(d, uv, p, foot)
     elif pattern == Pattern.CLAPBOARD or pattern == Pattern.WOOD:
         return timber(d, pattern, uv, foot)
-    elif pattern == Pattern.CURTAIN_WALL:
-        return curtain_wall(d, uv, sight, foot)
-    elif pattern == Pattern.SHOP_WINDOW:
-        return shop_window(d, uv, sight, foot)
+    elif pattern == Pattern.CURTAIN_WALL or pattern == Pattern.SHOP_WINDOW:
+        return front(d, pattern, uv, sight, foot)
     elif pattern == Pattern.FACADE:
         return facade(d, uv, p, foot)
     elif pattern == Pattern.LETTER or pattern == Pattern.POSTER:
         return print_of(d, pattern, uv, foot)
     elif pattern == Pattern.WATER:
         return ripples(d, p, foot)
-    elif pattern == Pattern.CAR_PAINT:
-        return bodywork(d, uv, p, foot)
-    elif pattern == Pattern.CABIN:
-        return cabin(d, uv, p, sight, foot)
-    elif pattern == Pattern.NUMBER_PLATE:
-        return number_plate(d, uv, foot)
-    elif is_lamp(pattern):
-        return reflector(d, pattern, uv, foot)
+    elif is_lamp(pattern) or is_of_vehicle(pattern) or pattern == Pattern.NUMBER_PLATE:
+        return vehicle(d, pattern, uv, p, sight, foot)
     elif is_cloth(pattern) or pattern == Pattern.HAIR:
         return worn(d, pattern, uv, foot, surface)
     d.tone = plain_tone(pattern, uv, p, foot, surface)

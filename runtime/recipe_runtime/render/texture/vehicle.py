@@ -107,6 +107,68 @@ def to_plane(p: wp.float32, s: wp.float32, low: wp.float32, high: wp.float32) ->
 
 
 @wp.func
+def occupied(
+    p: wp.vec3f,
+    s: wp.vec3f,
+    seat: wp.float32,
+    half: wp.float32,
+    head: wp.float32,
+    rows: wp.int32,
+    driven: wp.int32,
+    code: wp.uint32,
+    t: wp.float32,
+    tone: wp.float32,
+    cloth: wp.float32,
+    street: wp.float32,
+):
+    """Return tone, share of the seats' colour, of skin and of the street, with seats, driver and steering wheel.
+
+    `t` is the distance to the walls of the cabin; `tone`, `cloth` and `street` are theirs.
+    """
+    skin = wp.float32(0.0)
+    aside = 0.5 * half + 0.04
+    for row in range(rows):
+        x = seat - PITCH * wp.float32(row)
+        for n in range(2):
+            y = aside * (1.0 - 2.0 * wp.float32(n))
+            hit = ball(p, s, wp.vec3f(x, y, head - 0.42), wp.vec3f(0.12, 0.25, 0.38))
+            rest = ball(p, s, wp.vec3f(x - 0.04, y, head + 0.01), wp.vec3f(0.06, 0.13, 0.1))
+            hit = minimum(hit, rest)
+            if hit < t:
+                t = hit
+                tone = 0.75 + 0.8 * (p[2] + s[2] * t - head + 0.2)
+                cloth = 1.0
+                street = 0.0
+    if driven == 1:
+        hit = ball(p, s, wp.vec3f(seat + 0.2, aside, head - 0.42), wp.vec3f(0.15, 0.23, 0.31))
+        if hit < t:
+            t = hit
+            tone = 0.9 + 0.7 * unit(code)
+            cloth = unit(scramble(code))
+            street = 0.0
+        hit = ball(p, s, wp.vec3f(seat + 0.2, aside, head), wp.vec3f(0.105, 0.08, 0.13))
+        if hit < t:
+            t = hit
+            tone = 1.0
+            street = 0.0
+            skin = 1.0
+            if p[2] + s[2] * t > head + 0.05 or p[0] + s[0] * t < seat + 0.17:
+                skin = 0.12  # hair
+                tone = 0.3
+    along = (seat + 0.62 - p[0]) / (s[0] + 1.0e-6)
+    if along > 0.0 and along < t:
+        y = p[1] + s[1] * along - aside
+        z = p[2] + s[2] * along - head + 0.42
+        r = wp.sqrt(y * y + z * z)
+        if r > 0.155 and r < 0.19:
+            tone = 0.12
+            cloth = 0.0
+            street = 0.0
+            skin = 0.0
+    return tone, cloth, skin, street
+
+
+@wp.func
 def cabin(d: Detail, uv: wp.vec2f, p: wp.vec3f, s: wp.vec3f, foot: wp.float32) -> Detail:
     """The inside of a vehicle, by tracing the line of sight: seats, steering wheel, driver, and the windows opposite.
 
@@ -139,7 +201,6 @@ def cabin(d: Detail, uv: wp.vec2f, p: wp.vec3f, s: wp.vec3f, foot: wp.float32) -
     z = p[2] + s[2] * t
     tone = wp.float32(0.35)
     cloth = wp.float32(0.4)
-    skin = wp.float32(0.0)
     street = wp.float32(0.0)
     if level <= t:
         tone = 0.25
@@ -150,45 +211,8 @@ def cabin(d: Detail, uv: wp.vec2f, p: wp.vec3f, s: wp.vec3f, foot: wp.float32) -
     elif end <= t and s[0] > 0.0:
         tone = 0.2  # the dashboard
         cloth = 0.0
-    aside = 0.5 * half + 0.04
-    for row in range(rows):
-        x = seat - PITCH * wp.float32(row)
-        for n in range(2):
-            y = aside * (1.0 - 2.0 * wp.float32(n))
-            hit = ball(p, s, wp.vec3f(x, y, head - 0.42), wp.vec3f(0.12, 0.25, 0.38))
-            rest = ball(p, s, wp.vec3f(x - 0.04, y, head + 0.01), wp.vec3f(0.06, 0.13, 0.1))
-            hit = minimum(hit, rest)
-            if hit < t:
-                t = hit
-                tone = 0.75 + 0.8 * (p[2] + s[2] * t - head + 0.2)
-                cloth = 1.0
-                street = 0.0
-    if (u >> 16) & 1 == 1:
-        hit = ball(p, s, wp.vec3f(seat + 0.2, aside, head - 0.42), wp.vec3f(0.15, 0.23, 0.31))
-        if hit < t:
-            t = hit
-            tone = 0.9 + 0.7 * unit(d.code)
-            cloth = unit(scramble(d.code))
-            street = 0.0
-        hit = ball(p, s, wp.vec3f(seat + 0.2, aside, head), wp.vec3f(0.105, 0.08, 0.13))
-        if hit < t:
-            t = hit
-            tone = 1.0
-            street = 0.0
-            skin = 1.0
-            if p[2] + s[2] * t > head + 0.05 or p[0] + s[0] * t < seat + 0.17:
-                skin = 0.12  # hair
-                tone = 0.3
-    along = (seat + 0.62 - p[0]) / (s[0] + 1.0e-6)
-    if along > 0.0 and along < t:
-        y = p[1] + s[1] * along - aside
-        z = p[2] + s[2] * along - head + 0.42
-        r = wp.sqrt(y * y + z * z)
-        if r > 0.155 and r < 0.19:
-            tone = 0.12
-            cloth = 0.0
-            street = 0.0
-            skin = 0.0
+    driven = (u >> 16) & 1
+    tone, cloth, skin, street = occupied(p, s, seat, half, head, rows, driven, d.code, t, tone, cloth, street)
     d.tone = 0.5 + (clamp01(0.5 * tone) * 2.0 - 0.5) * near
     d.second = 0.3 + (cloth - 0.3) * near
     d.wear = 0.01 + (skin - 0.01) * near
@@ -238,3 +262,15 @@ def number_plate(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     sharp = maximum(1.0 / maximum(foot * 60.0, 0.12), 1.0)
     d.second = 0.4 + (clamp01((ink - 0.42) * sharp + 0.42) - 0.4) * fade(0.1, foot)
     return d
+
+
+@wp.func
+def vehicle(d: Detail, pattern: wp.int32, uv: wp.vec2f, p: wp.vec3f, sight: wp.vec3f, foot: wp.float32) -> Detail:
+    """Paint, glass, number plates and lamps of vehicles."""
+    if pattern == Pattern.CAR_PAINT:
+        return bodywork(d, uv, p, foot)
+    elif pattern == Pattern.CABIN:
+        return cabin(d, uv, p, sight, foot)
+    elif pattern == Pattern.NUMBER_PLATE:
+        return number_plate(d, uv, foot)
+    return reflector(d, pattern, uv, foot)
