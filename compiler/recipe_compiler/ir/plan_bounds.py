@@ -54,10 +54,10 @@ def _fixed(max_count: int, size: tuple[float, float, float], triangles: int, **s
 
 KINDS: dict[str, Kind] = {
     "bench": _fixed(700, (0.5, 1.6, 0.85), 140),
-    "bicycles": _fixed(300, (1.9, 1.8, 1.1), 2500, **_KEY),
+    "bicycles": _fixed(300, (1.9, 1.8, 1.1), 2000, **_KEY),
     "billboard": _fixed(20, (0.5, 6.0, 6.0), 300, **_KEY),
     "bin": _fixed(700, (0.42, 0.42, 0.95), 120),
-    "board": _fixed(400, (0.5, 0.62, 1.1), 60, **_KEY),
+    "board": _fixed(400, (0.5, 0.62, 1.1), 40, **_KEY),
     "bollard": _fixed(250, (0.2, 0.2, 0.9), 200),
     "building": Kind(
         1200,
@@ -70,14 +70,14 @@ KINDS: dict[str, Kind] = {
     ),
     "bus_stop": _fixed(200, (1.6, 4.0, 2.6), 200),
     "bush": Kind(1200, ((0.8, 2.1), (0.8, 2.1), (0.6, 1.7)), 800, _KEY),
-    "cafe": _fixed(900, (1.3, 1.8, 2.4), 600, **_KEY),
+    "cafe": _fixed(900, (1.3, 1.8, 2.4), 500, **_KEY),
     "carriageway": Kind(
         150,
         ((48.0, 48.0), (8.0, 24.0), (0.0, 0.0)),
         400,
         {"limit": (5, 150), "lanes": (2, 5), "lane": (3.0, 4.0), "shoulder": (2.0, 3.0), **_KEY},
     ),
-    "delivery": _fixed(200, (0.8, 1.2, 1.3), 200, **_KEY),
+    "delivery": _fixed(200, (0.8, 1.2, 1.3), 170, **_KEY),
     "fence": Kind(1500, ((0.08, 0.08), (0.8, 36.0), (1.0, 1.7)), 3000, {"style": (0, 2)}),
     "fountain": _fixed(2, (7.0, 7.0, 2.6), 4000),
     "gantry": Kind(
