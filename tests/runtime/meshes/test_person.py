@@ -26,7 +26,8 @@ def slot(mesh: Mesh, name: str) -> NDArray[np.float64]:
     assert mesh.level is not None
     near = np.array([level.near == 0.0 for level in mesh.levels])[mesh.level]
     own = near & np.array([s.slot == name for s in mesh.surfaces])[mesh.surface]
-    return mesh.vertices[np.unique(mesh.triangles[own])].astype(np.float64)
+    found: NDArray[np.float64] = mesh.vertices[np.unique(mesh.triangles[own])].astype(np.float64)
+    return found
 
 
 @pytest.mark.parametrize("blueprint", PEOPLE[:6], ids=lambda b: b.id)
