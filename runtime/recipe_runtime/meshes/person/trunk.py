@@ -275,9 +275,10 @@ def add_skirt(hull: Hull, b: Build, o: Outfit) -> None:
         points = np.stack(rows)
         left = ramp(points[..., 1], -0.085 * h, 0.085 * h)
         moved = 0.78 * ramp(-points[..., 2], -f.hip - 0.02 * h, -f.hip + 0.10 * h)
+        upper = ramp(points[..., 2], f.chest - 0.045 * h, f.chest + 0.045 * h)  # as the top below it
         weights = Weights(
-            ("thigh_left", "thigh_right", "pelvis"),
-            np.stack([moved * left, moved * (1.0 - left), 1.0 - moved], -1),
+            ("thigh_left", "thigh_right", "pelvis", "torso"),
+            np.stack([moved * left, moved * (1.0 - left), (1.0 - moved) * (1.0 - upper), (1.0 - moved) * upper], -1),
         )
         hull.sheet(points, weights, surface, uv=_trunk_uv(b, points), seam=b.columns // 2)
         inner = points[: count - 1] * (0.97, 0.97, 1.0)

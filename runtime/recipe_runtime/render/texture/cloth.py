@@ -10,7 +10,7 @@ from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2
-from recipe_runtime.render.numeric.scalars import clamp01, maximum
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
 from recipe_runtime.render.numeric.vectors import normalize
 from recipe_runtime.render.texture.detail import Detail, fade, joint_share, union_share
 
@@ -36,7 +36,8 @@ def fold(u: wp.float32, v: wp.float32, surface: wp.uint32) -> wp.float32:
 @wp.func
 def band(x: wp.float32, middle: wp.float32, half: wp.float32, foot: wp.float32) -> wp.float32:
     """Return the share of a pixel within a band."""
-    return clamp01((half - maximum(x - middle, middle - x)) / maximum(foot, 0.001) + 0.5)
+    w = 0.5 * maximum(foot, 0.001)
+    return clamp01((minimum(x + w, middle + half) - maximum(x - w, middle - half)) / (2.0 * w))
 
 
 @wp.func
@@ -66,7 +67,7 @@ def cloth(d: Detail, pattern: wp.int32, uv: wp.vec2f, foot: wp.float32, surface:
     elif pattern == Pattern.CHECKS:
         d.second = 0.5 * (joint_share(u / 0.07, 0.22, foot / 0.07) + joint_share(v / 0.07, 0.22, foot / 0.07))
     elif pattern == Pattern.PRINT:
-        disc = clamp01((0.075 - wp.sqrt(u * u + (v + 0.13) * (v + 0.13))) / maximum(foot, 0.001) + 0.5)
+        disc = band(wp.sqrt(u * u + (v + 0.13) * (v + 0.13)), 0.0, 0.075, foot)
         text = band(v, -0.25, 0.018, foot) * band(u, 0.0, 0.10, foot)
         if foot < 0.006:
             text = text * (0.35 + 0.65 * joint_share(u / 0.024, 0.3, foot / 0.024))
@@ -77,7 +78,7 @@ def cloth(d: Detail, pattern: wp.int32, uv: wp.vec2f, foot: wp.float32, surface:
         d.second = clamp01(0.75 * worn - 0.15 + 0.5 * grain * fade(0.004, foot))
     elif pattern == Pattern.VEST:
         rings = union_share(band(v, -0.24, 0.026, foot), band(v, -0.36, 0.026, foot))
-        straps = band(maximum(u, -u), 0.10, 0.024, foot) * clamp01((v + 0.22) / 0.01) * clamp01(2.0 - v)
+        straps = band(maximum(u, -u), 0.10, 0.024, foot) * band(v, -0.08, 0.14, foot)
         d.second = union_share(rings, straps)
     return d
 
