@@ -34,7 +34,7 @@ def rain_at(world_from_sensor: Array, light: WeatherLight, time: float, seed: in
         fall=wp.vec3d(*fall),
         streak=wp.vec3f(*streak),
         depth=_RAIN_DEPTH,
-        cover=0.7,
+        cover=0.6,
     )
 
 
