@@ -56,7 +56,7 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
         "slabs": ("#98948c", "#9d978d", "#938f89"),
         "yard": ("#6a7359", "#717a5d"),
         "verge": ("#6a7359",),
-        "paving": ("#a79f92", "#a3a09a", "#b0a593"),
+        "paving": ("#8f887d", "#8c8984", "#978d7e"),
     },
     "building": {
         "wall": _BRICK_TO_PLASTER,

@@ -122,7 +122,7 @@ def sky_reflection(
 @wp.func
 def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.vec3f:
     """Return the sky along a unit direction behind fog; the path is longer near the horizon. `foot`: as of `sky`."""
-    far = 300.0 / (maximum(d[2], 0.0) + 0.06)
+    far = 160.0 / (maximum(d[2], 0.0) + 0.06)
     return apply_fog(air, sky(air, eye, d, foot), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
 
 
