@@ -138,7 +138,7 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
         overhead=_vector(irradiance.overhead),
         sideways=_vector(irradiance.sideways),
         below=_vector(irradiance.below),
-        cloud_bright=_vector(_mix(bright, irradiance.overcast * 0.88 + 0.4 * warm, s.grey) + glow),
+        cloud_bright=_vector(_mix(bright, irradiance.overcast * (0.88 - 0.16 * s.rain) + 0.4 * warm, s.grey) + glow),
         cloud_dark=_vector(irradiance.overcast * (0.5 - 0.06 * s.rain) + 0.2 * warm + 0.5 * glow),
         cover=fixed(s.cover),
         cloud_shadow=fixed(0.5 * _smoothstep(0.1, 0.3, s.cover) * _smoothstep(0.6, 0.4, s.cover)),
@@ -148,7 +148,7 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
         puddles=fixed(w.precipitation_deposits / 100.0),
         night=fixed(s.night),
         running=fixed(_running(s)),
-        ring_strength=fixed(0.06 * s.rain),
+        ring_strength=fixed(0.035 * s.rain),
         leaf_motion=fixed(min(1.0, w.wind_intensity / 60.0)),
         gust_shift=fixed(_GUST_SPEED / _LEAF_STEPS * w.wind_intensity / 100.0),
         seed=appearance.seed & 0xFFFFFFFF,
@@ -277,8 +277,8 @@ def _irradiance(s: _State, clear_sun: Colour) -> _Irradiance:
     overhead = overhead + walls
     sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
     # Clouds reflect the light of the town.
-    street = _STREET_LIGHT * s.night * (1.0 + 0.25 * s.cover) * _LAMPLIGHT
-    lifted = overhead + (0.5 + 0.3 * s.cover) * street
+    street = _STREET_LIGHT * s.night * (0.75 + 0.25 * s.cover) * _LAMPLIGHT
+    lifted = overhead + (0.38 + 0.3 * s.cover) * street
     veil = _mix(overhead, around, 0.45) + 0.1 * street
     return _Irradiance(lifted, sideways + street, below + street, around, overcast, veil)
 
@@ -356,7 +356,7 @@ def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
 def _response(s: _State) -> float:
     """Return the target brightness of a picture: lower at dusk than by day, and in a street at night than at dusk."""
     deep = _smoothstep(-3.0, -13.0, s.altitude)
-    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.8 * deep
+    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.9 * deep
     veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
     return clear * veiled * (1.0 + 0.3 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
 
