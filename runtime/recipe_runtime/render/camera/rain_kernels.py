@@ -117,7 +117,7 @@ def draw_streaks(
     dy = y1 - y0
     reach = maximum(maximum(dx, -dx), maximum(dy, -dy))
     steps = wp.min(floor(reach) + 1, 400)
-    width = 0.002 * size * focal / z  # pixels
+    width = 0.003 * size * focal / z  # pixels
     share = minimum(width, 1.0)
     broad = wp.min(floor(width) + 1, 3)
     cover = 65536.0 * shower[0].cover * share * minimum(z / FOCUS, 1.0)
