@@ -42,6 +42,7 @@ _LEAF_STEPS = 30  # per second; leaves at a place move at every fourth
 _SWAY, _GUST_SPEED = 0.16, 0.9  # amplitude of leaves in a storm, metres; speed of gusts, metres per second
 _GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # maximum distance in metres, and minimum extinction, of visible glow
 _CLEAR_AIR = 0.0006  # extinction of air without fog, 1/m
+_RAIN_HAZE = 0.004  # extinction of heavy rain, 1/m: a visual range of 1 km
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
         overhead=_vector(irradiance.overhead),
         sideways=_vector(irradiance.sideways),
         below=_vector(irradiance.below),
-        cloud_bright=_vector(_mix(bright, irradiance.overcast * 0.88 + 0.4 * warm, s.grey) + glow),
+        cloud_bright=_vector(_mix(bright, irradiance.overcast * (0.88 - 0.16 * s.rain) + 0.4 * warm, s.grey) + glow),
         cloud_dark=_vector(irradiance.overcast * (0.5 - 0.06 * s.rain) + 0.2 * warm + 0.5 * glow),
         cover=fixed(s.cover),
         cloud_shadow=fixed(0.5 * _smoothstep(0.1, 0.3, s.cover) * _smoothstep(0.6, 0.4, s.cover)),
@@ -146,7 +147,7 @@ def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
         puddles=fixed(w.precipitation_deposits / 100.0),
         night=fixed(s.night),
         running=fixed(_running(s)),
-        ring_strength=fixed(0.06 * s.rain),
+        ring_strength=fixed(0.035 * s.rain),
         leaf_motion=fixed(min(1.0, w.wind_intensity / 60.0)),
         gust_shift=fixed(_GUST_SPEED / _LEAF_STEPS * w.wind_intensity / 100.0),
         seed=appearance.seed & 0xFFFFFFFF,
@@ -274,8 +275,8 @@ def _irradiance(s: _State, clear_sun: Colour) -> _Irradiance:
     overhead = overhead + walls
     sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
     # Clouds reflect the light of the town.
-    street = _STREET_LIGHT * s.night * (0.6 + 0.25 * s.cover) * _LAMPLIGHT
-    lifted = overhead + (0.3 + 0.3 * s.cover) * street
+    street = _STREET_LIGHT * s.night * (0.75 + 0.25 * s.cover) * _LAMPLIGHT
+    lifted = overhead + (0.38 + 0.3 * s.cover) * street
     veil = _mix(overhead, around, 0.45) + 0.1 * street
     return _Irradiance(lifted, sideways + street, below + street, around, overcast, veil)
 
@@ -292,7 +293,7 @@ def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
 def _set_fog(air: Any, s: _State, irradiance: _Irradiance, sunlight: Colour) -> None:
     """Set fog, which begins at its distance and thins with height, and haze by rain, dust and air, which is uniform."""
     w = s.weather
-    grains, mist = 0.05 * s.dust * s.dust, 0.004 * s.rain
+    grains, mist = 0.05 * s.dust * s.dust, _RAIN_HAZE * s.rain
     fog, aerosol = extinction(w.fog_density), 0.0001 + 0.0006 * max(s.haze.mie - 0.107, 0.0)
     haze = grains + mist + aerosol
     air.fog, air.haze, air.clear_air = fixed(fog), fixed(haze), fixed(_CLEAR_AIR)
@@ -300,6 +301,7 @@ def _set_fog(air: Any, s: _State, irradiance: _Irradiance, sunlight: Colour) -> 
     thick = (fog + grains) / (0.1 * mist + 0.004 + fog + grains)
     dense = _desaturate(_mix(irradiance.around, irradiance.veil, thick), 0.6) * (1.0 - 0.12 * s.fog)
     blue = _mix(sky.gradient(s.altitude, s.haze)[0], 0.8 * irradiance.overcast, s.grey)  # aerial perspective
+    dense = dense * (1.0 - 0.25 * s.rain * (1.0 - s.night))  # rain clouds are darker than fog
     plain = _mix(blue, dense, (fog + mist) / (0.002 + fog + mist))
     brown = 0.9 * (irradiance.veil + 0.10 * sunlight) * _DUST
     air.fog_colour = _vector(_mix(plain, brown, grains / (grains + fog + mist + 0.002)))
@@ -320,7 +322,7 @@ def _set_tables(air: Any, s: _State, device: str) -> None:
     sway = np.array([exact.sin_cos_deg(turn) for turn in turns]) * reach
     air.sway = wp.array(_round(sway), dtype=wp.vec2f, device=device)
     rise = np.arange(SKY_ROWS)[:, None] / (SKY_ROWS - 1.0)
-    town = 0.07 * _STREET_LIGHT * s.night * _LAMPLIGHT * (0.25 + 0.75 * (1.0 - rise) * (1.0 - rise))
+    town = 0.045 * _STREET_LIGHT * s.night * _LAMPLIGHT * (0.25 + 0.75 * (1.0 - rise) * (1.0 - rise))
     air.gradient = wp.array(_round(sky.gradient(s.altitude, s.haze) + town), dtype=wp.vec3f, device=device)
     air.halo = wp.array(_round(sky.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
 
@@ -352,7 +354,7 @@ def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
 def _response(s: _State) -> float:
     """Return the target brightness of a picture: lower at dusk than by day, and in a street at night than at dusk."""
     deep = _smoothstep(-3.0, -13.0, s.altitude)
-    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.6 * deep
+    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.9 * deep
     veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
     return clear * veiled * (1.0 + 0.3 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
 

@@ -45,5 +45,7 @@ def drop_count(light: WeatherLight) -> int:
 
 def streak_radiance(light: WeatherLight) -> wp.vec3f:
     """Return the radiance of a drop's streak."""
-    radiance: wp.vec3f = light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
+    radiance: wp.vec3f = light.air.fog_colour * (1.15 + 0.6 * light.rain) + light.air.overhead * (
+        0.25 + 0.8 * light.night
+    )
     return radiance

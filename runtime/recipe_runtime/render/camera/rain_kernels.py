@@ -15,6 +15,9 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
+NEAREST = wp.constant(wp.float32(1.4))  # metres from the camera
+FOCUS = wp.constant(wp.float32(5.0))  # metres; nearer drops are blurred, and so fainter
+
 
 @wp.struct
 class Rain:
@@ -96,7 +99,7 @@ def draw_streaks(
     h = scramble(h + wp.uint32(0x6D2B79))
     w = wp.float32(wrap_coordinate(h, shower[0].fall[2] * passed, low[2], cube) - shower[0].eye[2])
     z = (view_from_world[0, 8] * x + view_from_world[0, 9] * y) + view_from_world[0, 10] * w
-    if z < 0.8 or z > shower[0].depth:
+    if z < NEAREST or z > shower[0].depth:
         return
     focal = wp.float32(pinhole.focal)
     vx = (view_from_world[0, 0] * x + view_from_world[0, 1] * y) + view_from_world[0, 2] * w
@@ -117,7 +120,7 @@ def draw_streaks(
     width = 0.003 * size * focal / z  # pixels
     share = minimum(width, 1.0)
     broad = wp.min(floor(width) + 1, 3)
-    cover = 65536.0 * shower[0].cover * share
+    cover = 65536.0 * shower[0].cover * share * minimum(z / FOCUS, 1.0)
     for s in range(steps):
         t = (wp.float32(s) + 0.5) / wp.float32(steps)
         cover_pixels(x0 + dx * t - 0.5, y0 + dy * t, z, broad, cover, depth, pinhole, out_cover)
