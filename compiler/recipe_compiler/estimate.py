@@ -34,7 +34,7 @@ _ACTOR_FRAME = 0.0003  # seconds: an actor in the same
 _LABEL_SAMPLES = 0.04  # seconds: a million samples of the labels of a moving camera
 _SAMPLES = 0.27  # seconds: a million samples of the picture of a moving camera
 _STILL_SAMPLES = 0.04  # seconds: a million samples of the picture of a static camera
-_PASS = 0.08  # seconds: a million samples once more: bloom, a moment of motion blur, a patch
+_PASS = 0.08  # seconds: a million samples once more: bloom, a mosaic, a moment of motion blur, a patch
 _TEXT = 600  # bytes: an element of a variant's plan
 _ROW = 400  # bytes: an actor in a frame of a variant, in tracks and annotations
 _PROCESS = 360 << 20  # bytes of memory: a process
@@ -234,7 +234,7 @@ def _passes(variant: ScenarioPlan, sensor: SensorPlan) -> float:
     """How often the samples of a finished picture are read once more."""
     response, patches = variant.appearance.responses[sensor.name], variant.appearance.patches
     charts = sum(patch.transfer in WITH_CHART for patch in patches)  # a picture of its own each
-    passes = len(patches) + charts * _SAMPLES / _PASS + (response.bloom_intensity > 0.0)
+    passes = len(patches) + charts * _SAMPLES / _PASS + (response.bloom_intensity > 0.0) + (response.sensor is not None)
     if response.motion_blur_intensity == 0.0:
         return passes
     length = response.motion_blur_intensity / response.shutter_speed * _MOTION

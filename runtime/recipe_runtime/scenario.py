@@ -206,12 +206,13 @@ class Scenario(Sequence[Frame]):
 
         Raises:
             InputError: There is no such sensor or patch, the patch has no image and no size is given, its mode is
-                `green`, or it is rendered in a picture into which other patches are inserted.
+                `green`, or it is rendered in a picture into which other patches are inserted or whose sensor has a
+                mosaic.
             IndexError: There is no such frame.
         """
         from recipe_runtime.attacks.patch_view import patch_view
 
-        found = differentiable_patch(self.plan.appearance.patches, patch)
+        found = differentiable_patch(self.plan.appearance, self._sensor(sensor).name, patch)
         with self._scenes.exclusive():
             return patch_view(self.retextured(frame, sensor), found, size)
 

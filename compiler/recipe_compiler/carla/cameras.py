@@ -16,7 +16,7 @@ from recipe_compiler.source.yaml_reader import show
 _SIZES = {"image_size_x": "width", "image_size_y": "height"}
 _LENS = ("lens_k", "lens_kcube")
 GEOMETRY = ("width", "height", "fov", *_LENS)
-_NOT_RESPONSE = {*GEOMETRY, "near", "far", "noise", "vignette_intensity", "antialias", "supersample"}
+_NOT_RESPONSE = {*GEOMETRY, "near", "far", "noise", "vignette_intensity", "sensor", "antialias", "supersample"}
 RESPONSE = tuple(name for name in Camera.model_fields if name not in _NOT_RESPONSE)
 DEFAULTS: dict[str, Data] = {"width": 800, "height": 600, "fov": 90.0, "gamma": 2.2}
 _NO_ADAPTATION = "automatic exposure does not depend on earlier pictures"

@@ -238,8 +238,16 @@ class CameraResponse(Plan):
     bloom_intensity: Annotated[Number, Field(ge=0, le=5)] = 0.0
     motion_blur_intensity: Ten = 0.0
     motion_blur_max_distortion: Share = 0.35  # of the picture's width
+    sensor: Literal["bayer"] | None = None  # None: every pixel measures all three colours
     antialias: bool = True
     supersample: Annotated[int, Field(ge=1, le=4)] = 1  # samples along a pixel's side
+
+    @model_serializer(mode="wrap")
+    def _without_absent_sensor(self, own: SerializerFunctionWrapHandler) -> dict[str, object]:
+        document: dict[str, object] = own(self)
+        if self.sensor is None:
+            document.pop("sensor", None)
+        return document
 
 
 class Looks(RootModel[Annotated[dict[Name, Slots], Field(max_length=MAX_BODIES)]]):

@@ -293,4 +293,5 @@ _EFFECTS = (
 
 def _response(camera: Camera) -> CameraResponse:
     response = CameraResponse(**{field: getattr(camera, field) for field in CameraResponse.model_fields})
-    return response if camera.enable_postprocess_effects else response.model_copy(update=dict.fromkeys(_EFFECTS, 0.0))
+    off: dict[str, object] = {**dict.fromkeys(_EFFECTS, 0.0), "sensor": None}
+    return response if camera.enable_postprocess_effects else response.model_copy(update=off)

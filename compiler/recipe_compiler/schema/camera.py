@@ -108,6 +108,13 @@ class Camera(Model):
     motion_blur_max_distortion: Annotated[float, bounded(0, 1, "Longest blur, as a fraction of the image width.")] = (
         0.35
     )
+    sensor: Annotated[
+        Literal["bayer"] | None,
+        Field(
+            description="bayer: each pixel of the sensor measures one colour, with noise, and demosaicking estimates "
+            "the others. Default: each pixel measures all three."
+        ),
+    ] = None
     antialias: Annotated[
         bool, Field(description="Whether edges in RGB pictures are antialiased. Labels never are.")
     ] = True
@@ -116,7 +123,10 @@ class Camera(Model):
     ] = 1
     enable_postprocess_effects: Annotated[
         bool,
-        Field(description="false disables noise, vignette, lens rim, chromatic aberration, bloom and motion blur."),
+        Field(
+            description="false disables noise, vignette, lens rim, chromatic aberration, bloom, motion blur and the "
+            "sensor's mosaic."
+        ),
     ] = True
 
     @model_validator(mode="after")

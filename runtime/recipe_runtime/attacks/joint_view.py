@@ -50,7 +50,7 @@ class JointView:
         if not sizes:
             raise InputError("a view is of one patch or more, and `sizes` names none")
         self._frame, self.device = frame, frame.scene.device
-        plans = [differentiable_patch(frame.patches, name) for name in sizes]
+        plans = [differentiable_patch(frame.appearance, frame.sensor.name, name) for name in sizes]
         with frame.exclusive():
             self._find(frame, plans, sizes)
         self.picture = next(iter(self.views.values())).picture

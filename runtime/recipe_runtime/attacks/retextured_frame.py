@@ -51,7 +51,7 @@ class RetexturedFrame:
             exclusive: The lock of the scene, with which the frame shares buffers.
         """
         self.exclusive = exclusive
-        self._appearance, self._sensor, self._number = appearance, sensor, frame
+        self.appearance, self.sensor, self._number = appearance, sensor, frame
         self._inserter: Inserter = source.inserter
         recorder = _Recorder(source, seen, sensor, frame)
         self._inserter.picture(recorder, appearance, sensor, frame)
@@ -60,12 +60,12 @@ class RetexturedFrame:
     @property
     def patches(self) -> tuple[PatchPlan, ...]:
         """The patches of the appearance."""
-        return self._appearance.patches
+        return self.appearance.patches
 
     @property
     def scene(self) -> PatchedFrame:
         """The frame without inserted textures."""
-        return self._frames[self._appearance.digest]
+        return self._frames[self.appearance.digest]
 
     @property
     def memory(self) -> int:
@@ -83,13 +83,13 @@ class RetexturedFrame:
         rendered = {name: texture for name, texture in textures.items() if name not in inserted}
         replay = _Replay(self._frames, self._maps, rendered)
         with self.exclusive():
-            return self._inserter.picture(replay, self._appearance, self._sensor, self._number, textures)
+            return self._inserter.picture(replay, self.appearance, self.sensor, self._number, textures)
 
     def inserted_pixels(self, patch: str) -> InsertedPixels | None:
         """Return the pixels into which a patch is inserted; None if it is not visible."""
         number = [plan.name for plan in self.patches].index(patch)
-        shown = self._maps[self._appearance.digest]
-        return self._inserter.pixels(shown, self._appearance, number, self._sensor, self._number)
+        shown = self._maps[self.appearance.digest]
+        return self._inserter.pixels(shown, self.appearance, number, self.sensor, self._number)
 
     def color_change(self, patch: str) -> tuple[Transfer, Array] | None:
         """Return the colour transform of an inserted, visible patch, and the brightness ratio of each of its N pixels.
@@ -100,10 +100,10 @@ class RetexturedFrame:
         pixels = self.inserted_pixels(patch)
         replay = _Replay(self._frames, self._maps, {})
         with self.exclusive():
-            change = self._inserter.change(replay, self._appearance, number)
+            change = self._inserter.change(replay, self.appearance, number)
             if change is None or pixels is None:
                 return None
-            return change, change.ratios(replay.picture(self._appearance)[pixels.rows, pixels.columns])
+            return change, change.ratios(replay.picture(self.appearance)[pixels.rows, pixels.columns])
 
     def texture_size(self, patch: PatchPlan) -> tuple[int, int] | None:
         """Return width and height of a patch's own image; None for a colour."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.assets.png import MAX_PIXELS, MAX_SIDE
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.patches import PatchPlan
+from recipe_compiler.ir.plan import AppearancePlan
 
 Values = NDArray[np.float64]
 Texture = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.float64]
@@ -33,15 +34,21 @@ def textured_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
     return found
 
 
-def differentiable_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
-    """Return the patch with a name, which must have a gradient.
+def differentiable_patch(appearance: AppearancePlan, sensor: str, name: str) -> PatchPlan:
+    """Return the patch with a name, which must have a gradient in the pictures of a sensor.
 
     Raises:
         InputError: No patch has this name, its mode is `green`, or its mode is `rendered` and another patch's texture
-            is inserted into the finished picture.
+            is inserted into the finished picture or the sensor has a mosaic.
     """
-    found = textured_patch(patches, name)
-    inserted = [patch.name for patch in patches if patch.inserted]
+    found = textured_patch(appearance.patches, name)
+    inserted = [patch.name for patch in appearance.patches if patch.inserted]
+    response = appearance.responses.get(sensor)
+    if not found.inserted and response is not None and response.sensor is not None:
+        raise InputError(
+            f"patch {name}: there is no gradient in the pictures of {sensor}, whose camera has"
+            f" sensor: {response.sensor}; choose a variant without it, or mode digital"
+        )
     if inserted and not found.inserted:
         raise InputError(
             f"patch {name}: there is no gradient in a picture into which the texture of {inserted[0]} is inserted;"

@@ -35,7 +35,7 @@ MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan
 _FRAMING = 200  # bytes of a plan, at most, between its parts
 _REMEDY = "split the recipe into several"
-_OMITTED = {"arm", "driver", "interval", "mesh", "patches"}  # keys that plans without them do not have
+_OMITTED = {"arm", "driver", "interval", "mesh", "patches", "sensor"}  # keys that plans without them do not have
 _PARTS: dict[type[BaseModel], dict[str, type[BaseModel]]] = {
     ScenarioPlan: {"scene": ScenePlan, "rig": RigPlan, "appearance": AppearancePlan},
     ScenePlan: {"town": TownPlan},

@@ -82,8 +82,8 @@ def shots_of(
             )
         for sensor in names:
             scenarios[variant].modalities(sensor)  # InputError if there is no such sensor
-        for patch, _ in shown:
-            differentiable_patch(scenarios[variant].plan.appearance.patches, patch)
+            for patch, _ in shown:
+                differentiable_patch(scenarios[variant].plan.appearance, sensor, patch)
     return [Shot(scenarios[variant], frame, sensor, shown) for variant, frame, sensor in found]
 
 

@@ -1,8 +1,8 @@
-"""Camera effects of several kernels: lens distortion, supersampling, chromatic aberration, bloom, motion blur.
+"""Camera effects of several kernels: lens distortion, supersampling, chromatic aberration, bloom, motion blur, mosaic.
 
 Without these effects one kernel turns samples into bytes. With any of them, samples become an undistorted HDR image
 first, with the size and resolution that distortion and supersampling need. Motion blur and bloom are applied to it, and
-the picture is resampled from it.
+the picture is resampled from it. A sensor with a mosaic measures the resampled light.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from recipe_compiler.ir import optics
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse
 
 from recipe_runtime.render.camera import bloom, motion_blur
+from recipe_runtime.render.camera.bayer_kernels import develop_mosaic, measure
 from recipe_runtime.render.camera.develop_kernels import Response, expose_samples
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame, ScreenMotion
 from recipe_runtime.render.camera.passes import Exposed
-from recipe_runtime.render.camera.post_process_kernels import LensEffects, finish_pixels
+from recipe_runtime.render.camera.post_process_kernels import LensEffects, finish_pixels, light_of_pixels
 from recipe_runtime.render.camera.responses import ResponseTables
 from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.launch import launch
@@ -78,20 +79,18 @@ class PostProcess:
         light, spread = self.spread_light(light, undistorted.camera, response, motion)
         tables = self._tables.by_distance(response)
         out = wp.empty(pixels * 3, dtype=wp.uint8, device=self._device)
-        launch(
-            finish_pixels,
-            pixels,
-            self._device,
-            hdr_image=light,
-            spread=spread,
-            **lens_arguments(obs.camera, undistorted.camera, response),
-            response=r,
-            lens_circle=tables.gains,
-            tone_table=tables.tone_table,
-            deviates=tables.deviates,
-            out_rgb=out,
-            out_light=out_light,
-        )
+        lens = {"hdr_image": light, "spread": spread, "response": r, "lens_circle": tables.gains}
+        lens |= lens_arguments(obs.camera, undistorted.camera, response)
+        written = {"tone_table": tables.tone_table, "out_rgb": out, "out_light": out_light}
+        if response.sensor == "bayer":
+            fallen: DeviceArray = wp.empty(pixels, dtype=wp.vec3f, device=self._device)
+            mosaic: DeviceArray = wp.empty(pixels, dtype=wp.float32, device=self._device)
+            noise = {"response": r, "deviates": tables.deviates}
+            launch(light_of_pixels, pixels, self._device, **lens, out_light=fallen)
+            launch(measure, pixels, self._device, light=fallen, **noise, out_mosaic=mosaic)
+            launch(develop_mosaic, pixels, self._device, mosaic=mosaic, response=r, **written)
+        else:
+            launch(finish_pixels, pixels, self._device, **lens, deviates=tables.deviates, **written)
         return out
 
     def motion(
@@ -134,5 +133,6 @@ def needs_post_process(camera: CameraPlan, response: CameraResponse, neighbour: 
         or response.supersample > 1
         or response.chromatic_aberration_intensity > 0.0
         or response.bloom_intensity > 0.0
+        or response.sensor is not None
         or (neighbour is not None and response.motion_blur_intensity > 0.0)
     )

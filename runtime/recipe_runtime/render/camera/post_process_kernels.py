@@ -3,7 +3,14 @@
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
-from recipe_runtime.render.camera.develop_kernels import Response, record_levels, record_light, tone, vignette_at
+from recipe_runtime.render.camera.develop_kernels import (
+    Response,
+    inverse_tone,
+    record_levels,
+    record_light,
+    tone,
+    vignette_at,
+)
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.distortion_kernels import Distortion, undistorted_position
 
@@ -109,6 +116,47 @@ def vignette_of_sample(p: wp.vec2d, c: Distortion, r: Response, lens_circle: wp.
     return vignette_at(wp.float32(away[0] / wide), wp.float32(away[1] / wide), r, lens_circle)
 
 
+@wp.func
+def tone_mapped_pixel(
+    i: wp.int32,
+    hdr_image: wp.array[wp.vec3f],
+    spread: wp.array[wp.vec3f],
+    distortion: Distortion,
+    effects: LensEffects,
+    response: Response,
+    lens_circle: wp.array[wp.float32],
+) -> wp.vec3f:
+    """Return the mean of a pixel's samples, each with lens effects and tone-mapped."""
+    red = wp.float32(0.0)
+    green = wp.float32(0.0)
+    blue = wp.float32(0.0)
+    for s in range(distortion.fine * distortion.fine):
+        p = sample_point(i, s, distortion)
+        light = light_of_sample(hdr_image, spread, p, distortion, effects)
+        gain = vignette_of_sample(p, distortion, response, lens_circle)
+        red = red + tone(light[0] * gain)
+        green = green + tone(light[1] * gain)
+        blue = blue + tone(light[2] * gain)
+    share = 1.0 / wp.float32(distortion.fine * distortion.fine)
+    return wp.vec3f(red * share, green * share, blue * share)
+
+
+@wp.kernel
+def light_of_pixels(
+    hdr_image: wp.array[wp.vec3f],
+    spread: wp.array[wp.vec3f],
+    distortion: Distortion,
+    effects: LensEffects,
+    response: Response,
+    lens_circle: wp.array[wp.float32],
+    out_light: wp.array[wp.vec3f],
+):
+    """Write the light that the tone curve maps to the mean of a pixel's samples, for a sensor with a mosaic."""
+    i = wp.tid()
+    shown = tone_mapped_pixel(i, hdr_image, spread, distortion, effects, response, lens_circle)
+    out_light[i] = wp.vec3f(inverse_tone(shown[0]), inverse_tone(shown[1]), inverse_tone(shown[2]))
+
+
 @wp.kernel
 def finish_pixels(
     hdr_image: wp.array[wp.vec3f],
@@ -124,17 +172,7 @@ def finish_pixels(
 ):
     """Write a pixel's three bytes: tone mapping of each sample, their mean, then noise. `out_light` may be absent."""
     i = wp.tid()
-    red = wp.float32(0.0)
-    green = wp.float32(0.0)
-    blue = wp.float32(0.0)
-    for s in range(distortion.fine * distortion.fine):
-        p = sample_point(i, s, distortion)
-        light = light_of_sample(hdr_image, spread, p, distortion, effects)
-        gain = vignette_of_sample(p, distortion, response, lens_circle)
-        red = red + tone(light[0] * gain)
-        green = green + tone(light[1] * gain)
-        blue = blue + tone(light[2] * gain)
-    share = 1.0 / wp.float32(distortion.fine * distortion.fine)
-    record_levels(out_rgb, i, red * share, green * share, blue * share, response, tone_table, deviates)
+    shown = tone_mapped_pixel(i, hdr_image, spread, distortion, effects, response, lens_circle)
+    record_levels(out_rgb, i, shown[0], shown[1], shown[2], response, tone_table, deviates)
     if out_light:
-        record_light(out_light, i, red * share, green * share, blue * share, response, deviates)
+        record_light(out_light, i, shown[0], shown[1], shown[2], response, deviates)
