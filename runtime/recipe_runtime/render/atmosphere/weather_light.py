@@ -275,8 +275,8 @@ def _irradiance(s: _State, clear_sun: Colour) -> _Irradiance:
     overhead = overhead + walls
     sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
     # Clouds reflect the light of the town.
-    street = _STREET_LIGHT * s.night * (0.75 + 0.25 * s.cover) * _LAMPLIGHT
-    lifted = overhead + (0.38 + 0.3 * s.cover) * street
+    street = _STREET_LIGHT * s.night * (0.6 + 0.25 * s.cover) * _LAMPLIGHT
+    lifted = overhead + (0.3 + 0.3 * s.cover) * street
     veil = _mix(overhead, around, 0.45) + 0.1 * street
     return _Irradiance(lifted, sideways + street, below + street, around, overcast, veil)
 
@@ -354,7 +354,7 @@ def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
 def _response(s: _State) -> float:
     """Return the target brightness of a picture: lower at dusk than by day, and in a street at night than at dusk."""
     deep = _smoothstep(-3.0, -13.0, s.altitude)
-    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.9 * deep
+    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.45 * deep
     veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
     return clear * veiled * (1.0 + 0.3 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
 
