@@ -49,7 +49,10 @@ def completed(*words: str) -> list[str]:
         (("shot", "gone.yaml", "--variant", ""), []),
         (("shot", "--map", "s"), ["small.yaml", *(town for town in towns.NAMES if town.startswith("s"))]),
         (("surfaces", "sub"), ["suburb"]),
-        (("surfaces", "vehicle.sedan."), ["vehicle.sedan.a", "vehicle.sedan.b", "vehicle.sedan.taxi"]),
+        (
+            ("surfaces", "vehicle.sedan."),
+            ["vehicle.sedan.a", "vehicle.sedan.b", "vehicle.sedan.coupe", "vehicle.sedan.police", "vehicle.sedan.taxi"],
+        ),
     ],
 )
 def test_values_are_completed(folder: Path, words: tuple[str, ...], values: list[str]) -> None:

@@ -90,10 +90,10 @@ def test_actors_of_a_recipe_are_marked_by_name(tmp_path: Path, drawn: dict[str, 
     scenario, town = first(tmp_path)
     town_map.town_map(town.plan, spots(town), "first", scenario)
     assert {words: place for place, words, *_ in drawn["text"]} == {
-        "hero": (-6.0, 4.0),
-        "friend": (-4.6, -1.0),
-        "car": (-1.6, 24.0),
-        "street": (-4.8, -8.5),
+        "hero": (34.0, 44.6),
+        "friend": (20.0, 43.6),
+        "car": (48.0, 37.5),
+        "street": (14.0, 43.2),
     }
 
 
