@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import CameraPlan, ScenePlan
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, part_transforms
+from recipe_runtime.meshes.mesh import Mesh
 
 _BATCH = 2500  # triangles in one visual shape; larger ones overflow PyBullet's shared memory
 
@@ -67,7 +68,6 @@ def _quaternion(m: NDArray[np.float64]) -> tuple[float, float, float, float]:
 def _serve(source: IO[bytes], answer: IO[bytes]) -> None:
     import pybullet as p
     from recipe_runtime.meshes import actor_body, town_bodies
-    from recipe_runtime.meshes.mesh import Mesh
 
     request = json.load(source)
     scene = ScenePlan.model_validate(request["scene"])
@@ -76,15 +76,15 @@ def _serve(source: IO[bytes], answer: IO[bytes]) -> None:
     p.connect(p.DIRECT)
     ids: dict[int, int] = {}
 
-    def put(mesh: Mesh, instance: int) -> list[int]:
-        """Create the bodies of a mesh, without its surfaces."""
+    def put(vertices: NDArray[Any], normals: NDArray[Any], triangles: NDArray[Any], instance: int) -> list[int]:
+        """Create bodies of the triangles, without their surfaces."""
         made = []
-        for start in range(0, len(mesh.triangles), _BATCH):
-            index = mesh.triangles[start : start + _BATCH].reshape(-1)
+        for start in range(0, len(triangles), _BATCH):
+            index = triangles[start : start + _BATCH].reshape(-1)
             shape = p.createVisualShape(
                 p.GEOM_MESH,
-                vertices=mesh.vertices[index].tolist(),
-                normals=mesh.normals[index].tolist(),
+                vertices=vertices[index].tolist(),
+                normals=normals[index].tolist(),
                 indices=list(range(len(index))),
                 rgbaColor=[0.6, 0.6, 0.6, 1.0],
                 specularColor=[0, 0, 0],
@@ -94,24 +94,76 @@ def _serve(source: IO[bytes], answer: IO[bytes]) -> None:
         return made
 
     eyes = np.array([view.world_from_sensor[:2, 3] for view in views])
+    still = np.eye(4)[:3]
+    in_levels: list[Mesh] = []
     for element, body in zip(scene.town.elements, town_bodies(scene.town), strict=True):
         reach = ((eyes - (element.pose.x, element.pose.y)) ** 2).sum(axis=1).min()
         if reach < request["within"] ** 2:
-            put(body.parts[0][1], 0)
+            mesh = body.parts[0][1]
+            put(mesh.vertices, mesh.normals, mesh.triangles[_always(mesh)], 0)
+            if mesh.levels:
+                in_levels.append(mesh)
     bodies = [actor_body(actor) for actor in scene.actors]
-    parts = [put(mesh, body.instance) for body in bodies for _, mesh in body.parts]
+    rigid = [
+        [] if mesh.skin else put(mesh.vertices, mesh.normals, mesh.triangles[_always(mesh)], body.instance)
+        for body in bodies
+        for _, mesh in body.parts
+    ]
     arrays = {}
     for number, view in enumerate(views):
-        for made, pose in zip(parts, part_transforms(trace, view.frame), strict=True):
+        poses = list(part_transforms(trace, view.frame))
+        for made, pose in zip(rigid, poses, strict=True):
             for body_id in made:
                 p.resetBasePositionAndOrientation(body_id, pose[:, 3].tolist(), _quaternion(pose))
+        once: list[int] = []  # bodies of this view
+        for mesh in in_levels:
+            once += put(mesh.vertices, mesh.normals, mesh.triangles[_shown(mesh, view, still) & ~_always(mesh)], 0)
+        for body in bodies:
+            parts, poses = poses[: len(body.parts)], poses[len(body.parts) :]
+            for (_, mesh), pose in zip(body.parts, parts, strict=True):
+                shown = mesh.triangles[_shown(mesh, view, parts[0]) & ~(_always(mesh) & (mesh.skin is None))]
+                vertices = _bent(mesh, parts) if mesh.skin else mesh.vertices @ pose[:, :3].T
+                origin = parts[0][:, 3] if mesh.skin else pose[:, 3]
+                for body_id in (made := put(vertices, mesh.normals, shown, body.instance)):
+                    p.resetBasePositionAndOrientation(body_id, origin.tolist(), (0, 0, 0, 1))
+                once += made
         depth, segment = _drawn(p, view)
         table = np.zeros(max(ids, default=0) + 2, np.int32)
         for body_id, instance in ids.items():
             table[body_id] = instance
+        for body_id in once:
+            p.removeBody(body_id)
         found = np.where(segment >= 0, segment & ((1 << 24) - 1), len(table) - 1)
         arrays[f"depth{number}"], arrays[f"instance{number}"] = depth.astype(np.float32), table[found]
     np.savez(answer, **arrays)  # type: ignore[arg-type]  # numpy's types take an array for `allow_pickle`
+
+
+def _always(mesh: Mesh) -> NDArray[np.bool_]:
+    """Return which triangles are shown at any distance, [T]."""
+    return np.ones(len(mesh.triangles), bool) if mesh.level is None else mesh.level < 0
+
+
+def _shown(mesh: Mesh, view: TinyView, world_from_base: Array) -> NDArray[np.bool_]:
+    """Return the triangles that a view shows, [T]: by the distance that a focal length of 640 pixels would need."""
+    focal = view.camera.width / 2 / np.tan(np.radians(view.camera.fov) / 2)
+    shown = _always(mesh)
+    for number, level in enumerate(mesh.levels):
+        anchor = world_from_base[:, :3] @ np.array(level.anchor) + world_from_base[:, 3]
+        distance = np.linalg.norm(anchor - view.world_from_sensor[:, 3]) * 640.0 / focal
+        shown |= (mesh.level == number) & bool(level.near <= distance < level.far)
+    return shown
+
+
+def _bent(mesh: Mesh, parts: list[Array]) -> NDArray[np.float64]:
+    """Return the vertices of a skin in a frame, from the origin of the base part, along the axes of the world."""
+    assert mesh.skin is not None
+    vertices = np.zeros((len(mesh.vertices), 3))
+    for followed, weight in zip(mesh.skin.parts.T, mesh.skin.weights.T / 255.0, strict=True):
+        poses = np.array(parts)[followed]
+        offsets = mesh.vertices - mesh.skin.origins[followed]
+        places = np.einsum("vij,vj->vi", poses[:, :, :3], offsets) + poses[:, :, 3]
+        vertices += weight[:, None] * (places - parts[0][:, 3])
+    return vertices
 
 
 def _drawn(engine: Any, view: TinyView) -> tuple[NDArray[np.float64], NDArray[np.int_]]:

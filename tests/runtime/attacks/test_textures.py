@@ -222,7 +222,7 @@ def test_the_memory_of_cached_frames_is_bounded(scene: Scenario, monkeypatch: py
     """A frame of 4096 x 4096 whose pixels all show a patch takes 5 GB."""
     frames = [scene._scenes.patched_frame(scene.plan, scene.plan.rig.sensors[0], frame) for frame in range(3)]
     assert all(frame.memory >= 96 * 64 * 3 for frame in frames)
-    monkeypatch.setattr(scenes, "PATCHED_FRAME_CACHE_BYTES", frames[0].memory - 1)
+    monkeypatch.setattr(scenes, "PATCHED_FRAME_CACHE_BYTES", min(frame.memory for frame in frames) - 1)
     scene.close()
     shown = [scene.render(frame, textures={"poster": SECOND}) for frame in (0, 1, 2)]
     assert len(scene._scenes._patched) == 1

@@ -106,7 +106,8 @@ def _twenty() -> Trace:
 def test_frame_0_is_the_start() -> None:
     for plan in (HERO1, CAR):
         x, y, _ = base(meeting(), plan.name)[0]
-        assert (x, y) == (plan.start.x, plan.start.y)
+        aside = 0.022 * plan.shape["height"] if plan.category == "pedestrian" else 0.0  # the hips, over one leg
+        assert np.hypot(x - plan.start.x, y - plan.start.y) <= aside
     assert not meeting().linear[0].any()
 
 
@@ -273,7 +274,7 @@ def test_a_pedestrian_steps_onto_and_off_a_kerb() -> None:
     height = base(simulate(scene(walker, frames=260)), "walker")[:, 2]
     assert height.max() == pytest.approx(0.15, abs=0.002)
     assert -0.09 < height.min() < 0.0  # the pelvis moves up and down with each stride
-    assert height[-1] == pytest.approx(0.15, abs=0.002)
+    assert height[-1] == pytest.approx(0.15, abs=0.004)  # the weight is on one leg
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
