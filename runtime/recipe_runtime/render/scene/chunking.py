@@ -54,8 +54,8 @@ def chunks_of(mesh: Mesh) -> Chunks:
         np.diff(starts, append=np.int32(count)),
         part[starts],
         level[starts],
-        np.minimum.reduceat(corners.min(axis=1), starts, axis=0) - slack,
-        np.maximum.reduceat(corners.max(axis=1), starts, axis=0) + slack,
+        np.minimum.reduceat(np.minimum.reduce([*corners.swapaxes(0, 1)]), starts, axis=0) - slack,
+        np.maximum.reduceat(np.maximum.reduce([*corners.swapaxes(0, 1)]), starts, axis=0) + slack,
     )
 
 

@@ -258,7 +258,7 @@ class _Packer:
         chunks = chunks_of(mesh)
         rows = np.stack([chunks.starts + self.triangle_count, chunks.sizes, chunks.part + part], axis=1)
         self._put("chunks", rows)
-        first, last = mesh.triangles.min(axis=1), mesh.triangles.max(axis=1)
+        first, last = np.minimum.reduce([*mesh.triangles.T]), np.maximum.reduce([*mesh.triangles.T])
         ends = np.minimum.reduceat(first, chunks.starts), np.maximum.reduceat(last, chunks.starts) + 1
         self._put("chunk_vertices", (np.stack(ends, axis=1) + self.vertex_count).astype(np.int32))
         self._put("chunk_level", np.where(chunks.level < 0, -1, chunks.level + len(self._levels)).astype(np.int32))
