@@ -156,7 +156,7 @@ _WALKER: dict[str, Range] = {"height": (0.95, 2.05), **_PERSON}
 _CAR: dict[str, Range] = {
     "body": (0, 6), "length": (3.2, 9.0), "width": (1.5, 2.5), "height": (1.3, 3.3), "wheelbase": (2.2, 4.3),
     "wheel": (0.28, 0.48), "clearance": (0.14, 0.32), "spokes": (3, 16), "blind": (0, 1), "sign": (0.0, 0.15),
-    "style": (0, 2),
+    "style": (0, 3),
 }  # fmt: skip
 _TWO_WHEELER: dict[str, Range] = {
     "body": (7, 9), "length": (1.3, 2.4), "width": (0.5, 1.0), "height": (1.3, 2.0), "wheelbase": (0.8, 1.6),

@@ -246,7 +246,7 @@ _PEOPLE = (
 
 _CARS = (
     _vehicle("sedan.a", (4.68, 1.82, 1.45), wheelbase=2.75, wheel=0.325, clearance=0.17),
-    _vehicle("sedan.b", (4.92, 1.87, 1.47), wheelbase=2.92, wheel=0.34, clearance=0.16, spokes=10),
+    _vehicle("sedan.b", (4.92, 1.87, 1.47), wheelbase=2.92, wheel=0.34, clearance=0.16, spokes=10, style=3),
     _vehicle("sedan.taxi", (4.80, 1.84, 1.62), wheelbase=2.82, wheel=0.33, clearance=0.17,
              sign=0.12, paint=("#e0b11f", "#d9d6c8")),
     _vehicle("sedan.coupe", (4.52, 1.86, 1.36), wheelbase=2.68, wheel=0.34, clearance=0.14, spokes=10, style=1),
@@ -255,13 +255,13 @@ _CARS = (
     _vehicle("hatchback.city", (3.44, 1.65, 1.50), wheelbase=2.34, wheel=0.29, clearance=0.15, spokes=6, style=1),
     _vehicle("hatchback.estate", (4.74, 1.83, 1.49), wheelbase=2.80, wheel=0.33, clearance=0.16, spokes=10, style=2),
     _vehicle("hatchback.a", (4.08, 1.76, 1.49), wheelbase=2.55, wheel=0.315, clearance=0.17),
-    _vehicle("hatchback.b", (3.62, 1.66, 1.52), wheelbase=2.36, wheel=0.295, clearance=0.16, spokes=7),
+    _vehicle("hatchback.b", (3.62, 1.66, 1.52), wheelbase=2.36, wheel=0.295, clearance=0.16, spokes=7, style=3),
     _vehicle("suv.a", (4.62, 1.88, 1.68), wheelbase=2.70, wheel=0.365, clearance=0.22),
-    _vehicle("suv.b", (4.95, 1.96, 1.80), wheelbase=2.90, wheel=0.395, clearance=0.24, spokes=6),
+    _vehicle("suv.b", (4.95, 1.96, 1.80), wheelbase=2.90, wheel=0.395, clearance=0.24, spokes=6, style=2),
     _vehicle("suv.compact", (4.26, 1.80, 1.62), wheelbase=2.60, wheel=0.345, clearance=0.20, spokes=7, style=1),
     _vehicle("van.a", (5.15, 1.98, 2.05), wheelbase=3.10, wheel=0.34, clearance=0.2, speed=8.0),
     _vehicle(
-        "van.cargo", (5.45, 2.02, 2.38), wheelbase=3.30, wheel=0.345, clearance=0.2, speed=8.0, blind=True,
+        "van.cargo", (5.45, 2.02, 2.38), wheelbase=3.30, wheel=0.345, clearance=0.2, speed=8.0, blind=True, style=1,
         paint=("#e4e2da", "#d8d9da", "#3a5f8c", "#e0a92e", "#5b6166"),
     ),
     _vehicle("pickup.a", (5.25, 1.92, 1.80), wheelbase=3.22, wheel=0.385, clearance=0.25),

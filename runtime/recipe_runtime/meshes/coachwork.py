@@ -29,6 +29,35 @@ _NOSE = 0.16  # length over which bumpers are rounded, metres
 
 
 Point = tuple[float, float, float]
+Opening = tuple[float, float, float]
+"""Lower and upper edge, as fractions from sill to belt, and half width, as a share of the nose's."""
+
+
+@dataclass(frozen=True)
+class Front:
+    """What gives a make its face: the openings of the nose and the inner edges of the lamps.
+
+    Attributes:
+        grille: Between the headlights; it has bars.
+        intake: In the bumper.
+        bars: Number of bars of the grille; the outer ones are bright.
+        upright: Whether the bars are upright.
+        lamp: Inner edge of the headlights, as a share of the nose's half width.
+        tail: The same of the tail lamps.
+        bumper: Upper edge of unpainted plastic, as a fraction from sill to belt.
+    """
+
+    grille: Opening = (0.55, 0.86, 0.5)
+    intake: Opening = (0.1, 0.3, 0.6)
+    bars: int = 4
+    upright: bool = False
+    lamp: float = 0.6
+    tail: float = 0.6
+    bumper: float = 0.14
+
+    def is_open(self, height: float, aside: float) -> bool:
+        """Return whether a place lies in the grille or the intake."""
+        return any(low < height < high and aside < half for low, high, half in (self.grille, self.intake))
 
 
 @dataclass(frozen=True)
@@ -57,6 +86,7 @@ class Style:
     rails: bool = False  # on the roof
     strip: bool = False  # whether a plastic strip protects the flanks
     fill: float = 0.2  # largest distance between cross-sections, metres
+    front: Front = Front()
 
 
 @dataclass(frozen=True)
@@ -317,11 +347,10 @@ class Shell:
             return f.paint if row < _LOW + 2 or self.roof(0.995) <= self.belt(0.995) + 0.2 else f.glass
         middle = (_FLANK[row][0] + _FLANK[row + 1][0]) / 2
         low, high = self.style.lamps
-        if low < middle < high and aside > 0.6:
+        front = self.style.front
+        if low < middle < high and aside > front.lamp:
             return f.indicators[int(t < 0)] if aside > 0.9 and middle < (low + high) / 2 else f.headlight
-        if low < middle < high - 0.04 and aside < 0.5:
-            return f.trim
-        return f.trim if row < 2 or (middle < 0.3 and aside < 0.6) else f.paint
+        return f.trim if middle < front.bumper or front.is_open(middle, aside) else f.paint
 
     def _back(self, f: Finish, row: int, t: float) -> Surface | None:
         aside = abs(t)
@@ -329,11 +358,13 @@ class Shell:
             return None if self.style.bed and row > _LOW else f.paint
         middle = (_FLANK[row][0] + _FLANK[row + 1][0]) / 2
         low, high = self.style.tail
-        if low < middle < high and aside > 0.6:
+        inner = self.style.front.tail
+        outer = aside > (1.0 + inner) / 2
+        if low < middle < high and aside > inner:
             if middle < low + 0.4 * (high - low):
-                return f.indicators[int(t < 0)] if aside > 0.8 else f.reverselight
-            return f.taillight if aside > 0.75 else f.brakelight
-        return f.trim if row < 2 or (middle < 0.2 and self.style.clad) else f.paint
+                return f.indicators[int(t < 0)] if outer else f.reverselight
+            return f.taillight if outer else f.brakelight
+        return f.trim if middle < self.style.front.bumper or (middle < 0.2 and self.style.clad) else f.paint
 
     def side(self, x: float, z: float) -> float:
         """Return y of the left side at a height, metres; below the sill, that of the sill."""

@@ -32,14 +32,20 @@ def arch_lips(b: Builder, f: Finish, shell: Shell) -> None:
 
 
 def grille(b: Builder, f: Finish, shell: Shell) -> None:
-    """Add bright bars and a badge between the headlights, and fog lamps' surrounds in the bumper."""
-    low, high = (shell.flank(0.985, k)[1] for k in (shell.style.lamps[0] + 0.02, shell.style.lamps[1] - 0.06))
-    half = 0.46 * shell.half
-    for n in range(4):
-        z = low + (high - low) * (n + 0.5) / 4
-        bar = [(shell.end(1.0, y, z) + 0.004, y, z) for y in (-half, -0.5 * half, 0.0, 0.5 * half, half)]
-        tube(b, f.rim if n in (0, 3) else f.trim, bar, 0.008, 5)
-    z = (low + high) / 2
+    """Add the bars of the grille, those at its edges bright, and a badge."""
+    front = shell.style.front
+    low, high = (shell.flank(0.985, k)[1] for k in front.grille[:2])
+    half, count = 0.94 * front.grille[2] * shell.half, front.bars
+    for n in range(count):
+        share = (n + 0.5) / count
+        if front.upright:
+            y = half * (2.0 * share - 1.0)
+            bar = [(shell.end(1.0, y, z) + 0.004, y, z) for z in (low, (low + high) / 2, high)]
+        else:
+            z = low + (high - low) * share
+            bar = [(shell.end(1.0, y, z) + 0.004, y, z) for y in (-half, -0.5 * half, 0.0, 0.5 * half, half)]
+        tube(b, f.rim if front.upright or n in (0, count - 1) else f.trim, bar, 0.008, 5)
+    z = (low + high) / 2 if count else shell.flank(0.985, 0.75)[1]
     x = shell.end(1.0, 0.0, z) + 0.012
     b.fan(f.rim, [(x, 0.055 * c, z + 0.055 * s) for c, s in circle(16)])
 
@@ -66,7 +72,7 @@ def exhaust(b: Builder, f: Finish, shell: Shell) -> None:
     """Add a tail pipe under the right of the bumper."""
     z, y = shell.shape["clearance"] + 0.06, -0.55 * shell.half
     x = shell.end(-1.0, y, z + 0.06)
-    tube(b, f.rim, [(x + 0.25, y, z), (x + 0.03, y, z)], 0.03, 10)
+    tube(b, f.disc, [(x + 0.25, y, z), (x + 0.03, y, z)], 0.03, 10)
 
 
 def roof_sign(b: Builder, f: Finish, shell: Shell, tall: float, lit: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from recipe_runtime.meshes.coachwork import Style
+from recipe_runtime.meshes.coachwork import Front, Style
 
 _CAR = ((0.0, 0.86), (0.03, 0.915), (0.10, 0.965), (0.25, 1.0), (0.70, 1.0), (0.88, 0.965), (0.96, 0.90), (1.0, 0.82))
 _VAN = ((0.0, 0.93), (0.03, 0.97), (0.15, 1.0), (0.80, 1.0), (0.92, 0.96), (0.97, 0.90), (1.0, 0.83))
@@ -34,8 +34,8 @@ _BASE = {
         seams=(0.21, 0.427, 0.69),
     ),
     "suv": Style(
-        belt=((0.0, 0.58), (0.03, 0.615), (0.30, 0.615), (0.74, 0.60), (0.90, 0.565), (0.965, 0.52),
-              (1.0, 0.46)),
+        belt=((0.0, 0.58), (0.03, 0.615), (0.30, 0.615), (0.74, 0.60), (0.90, 0.58), (0.965, 0.555),
+              (1.0, 0.51)),
         roof=((0.012, 0.0), (0.035, 0.76), (0.08, 0.94), (0.15, 0.985), (0.36, 1.0), (0.52, 0.985),
               (0.60, 0.94), (0.755, 0.0)),
         plan=_CAR,
@@ -45,6 +45,9 @@ _BASE = {
         seams=(0.215, 0.432, 0.685),
         roof_width=0.77,
         clad=True,
+        lamps=(0.72, 0.95),
+        tail=(0.45, 1.0),
+        front=Front(grille=(0.45, 0.92, 0.58), intake=(0.05, 0.28, 0.7), bars=5, tail=0.78),
     ),
     "van": Style(
         belt=((0.0, 0.50), (0.02, 0.525), (0.75, 0.515), (0.88, 0.49), (0.96, 0.43), (1.0, 0.38)),
@@ -62,10 +65,12 @@ _BASE = {
         stern=(0.06, 0.02),
         rows=3,
         strip=True,
+        lamps=(0.55, 0.95),
+        front=Front(grille=(0.72, 0.82, 0.6), intake=(0.1, 0.45, 0.62), bars=2, tail=0.78),
     ),
     "pickup": Style(
-        belt=((0.0, 0.575), (0.02, 0.585), (0.38, 0.585), (0.73, 0.595), (0.92, 0.56), (0.97, 0.525),
-              (1.0, 0.47)),
+        belt=((0.0, 0.575), (0.02, 0.585), (0.38, 0.585), (0.73, 0.595), (0.92, 0.58), (0.97, 0.56),
+              (1.0, 0.52)),
         roof=((0.385, 0.0), (0.393, 0.80), (0.41, 0.95), (0.45, 0.985), (0.52, 1.0), (0.585, 0.985),
               (0.635, 0.94), (0.765, 0.0)),
         plan=_CAR,
@@ -77,6 +82,9 @@ _BASE = {
         clad=True,
         bed=0.384,
         stern=(0.05, 0.0),
+        lamps=(0.6, 0.92),
+        tail=(0.45, 0.98),
+        front=Front(grille=(0.45, 0.92, 0.6), intake=(0.1, 0.28, 0.5), bars=3, tail=0.84, bumper=0.28),
     ),
     "bus": Style(
         belt=((0.0, 0.385), (0.97, 0.385), (1.0, 0.375)),
@@ -96,6 +104,7 @@ _BASE = {
         nose=(0.10, 0.02),
         stern=(0.06, 0.0),
         rows=8,
+        front=Front(grille=(0.3, 0.6, 0.5), intake=(0.1, 0.2, 0.7), bars=0, bumper=0.2),
     ),
     "truck": Style(
         belt=((0.72, 0.43), (0.97, 0.425), (1.0, 0.41)),
@@ -110,7 +119,8 @@ _BASE = {
         rows=1,
         roof_width=0.84,
         rail=0.10,
-        lamps=(0.2, 0.45),
+        lamps=(0.14, 0.4),
+        front=Front(grille=(0.45, 0.9, 0.62), intake=(0.14, 0.3, 0.5), bars=4, lamp=0.65, bumper=0.4),
     ),
 }  # fmt: skip
 
@@ -123,6 +133,9 @@ _COUPE = replace(
     pillars=(0.40,),
     seams=(0.385, 0.70),
     nose=(0.24, 0.09),
+    lamps=(0.7, 0.93),
+    tail=(0.6, 0.83),
+    front=Front(grille=(0.14, 0.55, 0.55), intake=(0.05, 0.3, 0.9), bars=0, lamp=0.52, tail=0.2),
 )
 _ESTATE = replace(
     _SEDAN,
@@ -141,6 +154,9 @@ _ESTATE = replace(
     windows=(0.12, 0.735),
     pillars=(0.275, 0.455),
     rails=True,
+    lamps=(0.6, 0.93),
+    tail=(0.5, 1.0),
+    front=Front(grille=(0.45, 0.92, 0.4), intake=(0.1, 0.28, 0.75), bars=9, upright=True, lamp=0.52, tail=0.78),
 )
 _CITY = replace(
     _HATCH,
@@ -153,10 +169,49 @@ _CITY = replace(
     seams=(0.38, 0.76),
     nose=(0.20, 0.05),
     rows=2,
+    lamps=(0.45, 0.95),
+    tail=(0.55, 0.98),
+    front=Front(grille=(0.14, 0.45, 0.6), bars=0, lamp=0.68, tail=0.8),
 )  # fmt: skip
 STYLES = {name: (style,) for name, style in _BASE.items()} | {
-    "sedan": (_SEDAN, _COUPE, replace(_SEDAN, livery=True)),
-    "hatchback": (_HATCH, _CITY, _ESTATE),
-    "suv": (_SUV, replace(_SUV, rails=True)),
+    "sedan": (
+        _SEDAN,
+        _COUPE,
+        replace(_SEDAN, livery=True, front=Front(grille=(0.6, 0.82, 0.58), bars=3)),
+        replace(
+            _SEDAN,
+            lamps=(0.7, 0.92),
+            tail=(0.7, 0.92),
+            front=Front(grille=(0.28, 0.92, 0.42), intake=(0.1, 0.28, 0.9), bars=7, lamp=0.5, tail=0.3),
+        ),
+    ),
+    "hatchback": (
+        replace(_HATCH, front=Front(grille=(0.72, 0.86, 0.6), intake=(0.1, 0.55, 0.6), bars=2)),
+        _CITY,
+        _ESTATE,
+        replace(
+            _HATCH,
+            lamps=(0.45, 0.92),
+            tail=(0.6, 1.0),
+            front=Front(grille=(0.45, 0.72, 0.6), intake=(0.1, 0.28, 0.5), bars=3, lamp=0.68, tail=0.8),
+        ),
+    ),
+    "suv": (
+        _SUV,
+        replace(_SUV, rails=True, lamps=(0.8, 0.98), front=Front(grille=(0.6, 0.82, 0.6), bars=4, lamp=0.5, tail=0.5)),
+        replace(
+            _SUV,
+            lamps=(0.6, 0.95),
+            front=Front(grille=(0.45, 0.95, 0.5), intake=(0.1, 0.45, 0.6), bars=7, upright=True, tail=0.78),
+        ),
+    ),
+    "van": (
+        _BASE["van"],
+        replace(
+            _BASE["van"],
+            lamps=(0.45, 0.95),
+            front=Front(grille=(0.45, 0.72, 0.66), intake=(0.1, 0.3, 0.7), bars=5, lamp=0.7, tail=0.8, bumper=0.3),
+        ),
+    ),
 }
 """The styles of each body, by `shape["style"]`."""
