@@ -157,6 +157,7 @@ def _vehicle(
     paint: tuple[str, ...] = _PAINT,
     livery: tuple[str, ...] = (),
     beacon: tuple[str, ...] = (),
+    cargo: tuple[str, ...] = (),
     **shape: float,
 ) -> Blueprint:
     """Return a vehicle.
@@ -166,8 +167,9 @@ def _vehicle(
         size: length, width and height, metres.
         speed: default speed, m/s.
         paint: colours to draw from.
-        livery: colours of a band over the doors, if it has one.
+        livery: colours of a band over the doors, or of the name on a truck's load, if it has one.
         beacon: colours of a light bar, if it has one.
+        cargo: colours of a truck's load.
         shape: `wheelbase`, radius of a `wheel` and ground `clearance`, metres; number of `spokes` of a rim; `blind`: 1
             for a van without rear windows; `sign`: height of a taxi's lit roof sign, metres; `style`: the number of
             the outlines of its body, for a truck of its load.
@@ -177,7 +179,9 @@ def _vehicle(
     base = kind if kind in ("van", "truck", "bus") else "car"
     attributes = {"base_type": base, "number_of_wheels": "4"}
     tag = BODY_TAGS[kind].value
-    palette = _coloured(paint) | {slot: c for slot, c in (("livery", livery), ("beacon", beacon)) if c}
+    palette = _coloured(paint) | {
+        slot: c for slot, c in (("livery", livery), ("beacon", beacon), ("cargo", cargo)) if c
+    }
     if kind == "bus":
         palette["display"] = ("#1c1c1e",)
     return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, palette, speed, attributes)
@@ -276,18 +280,22 @@ _CARS = (
     _vehicle(
         "truck.box", (7.2, 2.3, 3.1), wheelbase=4.1, wheel=0.45, clearance=0.3, speed=7.0,
         paint=("#e4e2da", "#2f5e8c", "#c0c4c6", "#8a2f2c", "#d8a531"),
+        cargo=("#c9c8c2", "#d2d0c8", "#b9bdbf"), livery=("#2f5e8c", "#8a2f2c", "#2c5a44", "#2b2e33"),
     ),
     _vehicle(
         "truck.tanker", (7.6, 2.35, 3.0), wheelbase=4.2, wheel=0.46, clearance=0.3, speed=7.0, style=1,
-        paint=("#d8d9da", "#c0c4c6", "#e4e2da"),
+        paint=("#8a2f2c", "#2f5e8c", "#c0c4c6", "#e4e2da"),
+        cargo=("#b4b8bb", "#c6c6c0"), livery=("#a8322b", "#2f5e8c", "#d8a531"),
     ),
     _vehicle(
         "truck.tipper", (6.8, 2.35, 2.8), wheelbase=3.9, wheel=0.47, clearance=0.31, speed=7.0, style=2,
-        paint=("#d8a531", "#b5382f", "#2f5e8c", "#37704f"),
+        paint=("#d8a531", "#b5382f", "#2f5e8c", "#37704f", "#e4e2da"),
+        cargo=("#7d4a2c", "#4d5358", "#8b8a84"),
     ),
     _vehicle(
         "truck.small", (6.0, 2.12, 2.75), wheelbase=3.35, wheel=0.39, clearance=0.27, speed=7.5,
         paint=("#e4e2da", "#c0c4c6", "#37704f", "#b5382f"),
+        cargo=("#c9c8c2", "#b9bdbf"), livery=("#b5382f", "#2f5e8c", "#37704f"),
     ),
 )  # fmt: skip
 _RIDDEN = (

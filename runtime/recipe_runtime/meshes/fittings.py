@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from recipe_runtime.meshes.builder import Builder, circle
 from recipe_runtime.meshes.coachwork import Finish, Point, Shell
 from recipe_runtime.meshes.lofts import tube
@@ -91,37 +89,3 @@ def beacons(b: Builder, f: Finish, shell: Shell, tall: float) -> None:
     for y0, y1 in ((-w, -0.35 * w), (0.35 * w, w)):
         b.box(blue, (x - 0.11, y0, z + 0.03), (x + 0.11, y1, z + tall))
     b.box(f.rim, (x - 0.10, -0.35 * w, z + 0.03), (x + 0.10, 0.35 * w, z + 0.75 * tall))
-
-
-def tank(b: Builder, f: Finish, x0: float, x1: float, low: float, high: float, half: float) -> None:
-    """Add a cylindrical tank with domed ends and bands."""
-    z, tall = (low + high) / 2, (high - low) / 2
-    ring = circle(28)
-    shape = [(0.0, 0.55), (0.05, 0.82), (0.14, 0.95), (0.3, 1.0)]
-    ends = [(x0 + d, k) for d, k in shape] + [(x1 - d, k) for d, k in shape[::-1]]
-    b.grid(f.paint, [[(x, half * k * c, z + tall * k * s) for c, s in ring] for x, k in ends], crease=0.7,
-           caps=(f.paint, f.paint))  # fmt: skip
-    for n in range(4):
-        x = x0 + 0.35 + (x1 - x0 - 0.7) * n / 3
-        band = [[(x + d, 1.012 * half * c, z + 1.012 * tall * s) for c, s in ring] for d in (-0.03, 0.03)]
-        b.grid(f.rim, band, crease=0.7)
-    b.box(f.trim, (x0 + 0.3, -0.28, z + tall - 0.02), (x1 - 0.3, 0.28, z + tall + 0.03))
-
-
-def tipper(b: Builder, f: Finish, x0: float, x1: float, low: float, roof: float, half: float) -> None:
-    """Add an open body with ribs on its sides, and a wall up to the roof behind the cab."""
-    high = low + 0.6 * (roof - low)
-    outer = ((x0, -half, low), (x1, half, low + 0.12))
-    b.box(f.paint, *outer)
-    thick = 0.05
-    for y0, y1 in ((-half, -half + thick), (half - thick, half)):
-        b.box(f.paint, (x0, y0, low + 0.12), (x1, y1, high))
-    for a, c, top in ((x0, x0 + thick, high), (x1 - thick, x1, roof)):
-        b.box(f.paint, (a, -half, low + 0.12), (c, half, top))
-    count = math.floor((x1 - x0) / 0.6)
-    for n in range(count + 1):
-        x = x0 + (x1 - x0) * n / count
-        for s in (1.0, -1.0):
-            y0, y1 = sorted((s * half, s * (half + 0.05)))
-            b.box(f.paint, (x - 0.04, y0, low), (x + 0.04, y1, high))
-    b.box(f.trim, (x0 + thick, -half + thick, high - 0.25), (x1 - thick, half - thick, high - 0.2))

@@ -10,6 +10,7 @@ from recipe_compiler.ir.semantic_tags import BODIES
 
 from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder, level, upright
+from recipe_runtime.meshes.cargo import cargo
 from recipe_runtime.meshes.coachwork import Finish, Point, Shell, Sight
 from recipe_runtime.meshes.fittings import (
     arch_lips,
@@ -18,8 +19,6 @@ from recipe_runtime.meshes.fittings import (
     grille,
     rails,
     roof_sign,
-    tank,
-    tipper,
     wipers,
 )
 from recipe_runtime.meshes.lettering import bits
@@ -63,7 +62,7 @@ def _chassis(f: Finish, shape: Mapping[str, float], lit: bool, sight: Sight) -> 
     if lit:
         _beams(b, shell)
     if body == TRUCK:
-        _cargo(b, f, shell)
+        cargo(b, f, shell)
     elif body == PICKUP:
         _bed(b, f, shell)
     elif body == BUS:
@@ -151,40 +150,6 @@ def _destination(b: Builder, f: Finish, shell: Shell) -> None:
         place = [[(high + i, low + j) for i, j in ((0.004, 0.004), (0.996, 0.004), (0.996, 0.996), (0.004, 0.996))]]
         quad = upright(x + 0.057, y, y + wide, z - tall / 2, z + tall / 2)
         b.quads(amber, [quad], np.array(place))
-
-
-def _cargo(b: Builder, f: Finish, shell: Shell) -> None:
-    """Add a truck's frame and box, with doors, lights and guards at the rear."""
-    x0, x1, w, h = -shell.length / 2, shell.x(0.715), shell.half, shell.height
-    low = 0.30 * h
-    if shell.shape["style"] == 1:
-        tank(b, f, x0 + 0.05, x1, low + 0.04, min(h, low + 1.9 * w), 0.94 * w)
-    elif shell.shape["style"] == 2:
-        tipper(b, f, x0 + 0.05, x1, low + 0.1, h, w - 0.06)
-    else:
-        _box_body(b, f, (x0, x1), w, low, h)
-    b.box(f.trim, (x0 + 0.02, -0.9 * w, low - 0.12), (x1 + 0.4, 0.9 * w, low))
-    b.box(f.trim, (x0 + 0.02, -0.5 * w, 0.5), (x1, 0.5 * w, low - 0.1))
-    b.box(f.trim, (x0 - 0.01, -w + 0.05, 0.46), (x0 + 0.12, w - 0.05, 0.58))
-    for s in (1.0, -1.0):
-        lamps = (f.reverselight, f.indicators[int(s < 0)], f.brakelight, f.taillight)
-        for lamp, inner, outer in zip(lamps, (0.62, 0.70, 0.78, 0.86), (0.70, 0.78, 0.86, 0.95), strict=True):
-            y0, y1 = sorted((s * inner * w, s * outer * w))
-            b.box(lamp, (x0 - 0.015, y0, low - 0.18), (x0 + 0.05, y1, low - 0.05))
-        rear = shell.axles[0]
-        y0, y1 = sorted((s * (w - 0.05), s * (w - 0.09)))
-        b.box(f.trim, (rear + 0.65, y0, 0.5), (x1 - 0.2, y1, low - 0.14))
-
-
-def _box_body(b: Builder, f: Finish, ends: tuple[float, float], w: float, low: float, h: float) -> None:
-    """Add a closed box with doors at the rear."""
-    x0, x1 = ends
-    edge = 0.04
-    ring = [(w - edge, low), (w, low + edge), (w, h - edge), (w - edge, h), (edge - w, h), (-w, h - edge),
-            (-w, low + edge), (edge - w, low)]  # fmt: skip
-    b.grid(f.paint, [[(x, y, z) for y, z in ring] for x in (x0, x1)], crease=0.8, caps=(f.paint, f.paint))
-    for x, wide in ((0.0, 0.012), (0.32 * w, 0.008), (-0.32 * w, 0.008)):
-        _panel(b, f.rim if wide < 0.01 else f.trim, x0 - 0.006, -1.0, x - wide, x + wide, low + 0.05, h - 0.06)
 
 
 def _bed(b: Builder, f: Finish, shell: Shell) -> None:
