@@ -97,6 +97,25 @@ def ball(p: wp.vec3f, s: wp.vec3f, at: wp.vec3f, size: wp.vec3f) -> wp.float32:
 
 
 @wp.func
+def block(p: wp.vec3f, s: wp.vec3f, at: wp.vec3f, size: wp.vec3f) -> wp.float32:
+    """Return how far along a line of sight a box with half sides `size` lies; `FAR` if it is missed."""
+    first = wp.float32(0.0)
+    last = wp.float32(FAR)
+    for k in range(3):
+        o = at[k] - p[k]
+        w = s[k]
+        if wp.abs(w) < 1.0e-5:
+            w = 1.0e-5
+        a = (o - size[k]) / w
+        b = (o + size[k]) / w
+        first = maximum(first, minimum(a, b))
+        last = minimum(last, maximum(a, b))
+    if first >= last or first <= 0.0:
+        return FAR
+    return first
+
+
+@wp.func
 def to_plane(p: wp.float32, s: wp.float32, low: wp.float32, high: wp.float32) -> wp.float32:
     """Return how far along a line of sight it leaves an interval on one axis."""
     if s > 1.0e-4:
@@ -127,16 +146,23 @@ def occupied(
     """
     skin = wp.float32(0.0)
     aside = 0.5 * half + 0.04
+    low = wp.float32(0.07)
+    wide = wp.float32(0.24)
+    if rows == 8:  # a bus: pairs of low seats without headrests
+        low = 0.2
+        wide = 0.4
     for row in range(rows):
         x = seat - PITCH * wp.float32(row)
         for n in range(2):
             y = aside * (1.0 - 2.0 * wp.float32(n))
-            hit = ball(p, s, wp.vec3f(x, y, head - 0.42), wp.vec3f(0.12, 0.25, 0.38))
-            rest = ball(p, s, wp.vec3f(x - 0.04, y, head + 0.01), wp.vec3f(0.06, 0.13, 0.1))
-            hit = minimum(hit, rest)
+            hit = block(p, s, wp.vec3f(x, y, head - low - 0.4), wp.vec3f(0.06, wide, 0.38))
+            if rows < 8:
+                hit = minimum(hit, block(p, s, wp.vec3f(x - 0.02, y, head), wp.vec3f(0.045, 0.12, 0.075)))
             if hit < t:
                 t = hit
-                tone = 0.75 + 0.8 * (p[2] + s[2] * t - head + 0.2)
+                tone = 0.75 + 0.8 * (p[2] + s[2] * t - head + 0.2 + low)
+                if wide > 0.3 and wp.abs(p[1] + s[1] * t - y) < 0.02:
+                    tone = 0.3 * tone  # between two seats of a bus
                 cloth = 1.0
                 street = 0.0
     if driven == 1:
