@@ -19,7 +19,7 @@ def cargo(b: Builder, f: Finish, shell: Shell) -> None:
     low = 0.30 * h
     load = Surface("cargo", Pattern.CAR_PAINT, f.paint.tag)
     if shell.shape["style"] == 1:
-        _tank(b, f, load, (ends[0] + 0.12, ends[1]), (low + 0.04, min(h, low + 1.9 * w)), 0.94 * w)
+        _tank(b, f, load, (ends[0] + 0.12, ends[1]), (low + 0.04, h - 0.2), 0.94 * w)
     elif shell.shape["style"] == 2:
         _tipper(b, f, load, (ends[0] + 0.05, ends[1]), (low + 0.1, h), w - 0.06)
     else:
