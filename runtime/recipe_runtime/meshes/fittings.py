@@ -33,7 +33,7 @@ def grille(b: Builder, f: Finish, shell: Shell) -> None:
     """Add the bars of the grille, those at its edges bright, and a badge."""
     front = shell.style.front
     low, high = (shell.flank(0.985, k)[1] for k in front.grille[:2])
-    half, count = 0.94 * front.grille[2] * shell.half, front.bars
+    half, count = 0.9 * front.grille[2] * shell.width(1.0), front.bars
     for n in range(count):
         share = (n + 0.5) / count
         if front.upright:
@@ -71,6 +71,20 @@ def exhaust(b: Builder, f: Finish, shell: Shell) -> None:
     z, y = shell.shape["clearance"] + 0.06, -0.55 * shell.half
     x = shell.end(-1.0, y, z + 0.06)
     tube(b, f.disc, [(x + 0.25, y, z), (x + 0.03, y, z)], 0.03, 10)
+
+
+def rear_doors(b: Builder, f: Finish, shell: Shell) -> None:
+    """Add the gap between the two doors at the rear of a van, and their hinges."""
+    low, belt = shell.shape["clearance"] + 0.25, shell.belt(0.01)
+    below = [(shell.end(-1.0, 0.0, z) - 0.002, 0.0, z) for z in (low, (low + belt) / 2, belt - 0.03)]
+    above = [shell.bend(shell.x(u) - 0.004, 0.0, shell.roof(u)) for u, _ in shell.style.roof[1:3]]
+    tube(b, f.trim, [*below, *above], 0.009, 5)
+    for s in (1.0, -1.0):
+        for share in (0.5, 0.9):
+            y, z = shell.flank(0.01, share)
+            x = shell.end(-1.0, 0.86 * y, z)
+            y0, y1 = sorted((s * 0.82 * y, s * 0.9 * y))
+            b.box(f.trim, (x - 0.02, y0, z), (x + 0.05, y1, z + 0.05))
 
 
 def roof_sign(b: Builder, f: Finish, shell: Shell, tall: float, lit: bool) -> None:

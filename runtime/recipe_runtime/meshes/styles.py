@@ -209,6 +209,8 @@ STYLES = {name: (style,) for name, style in _BASE.items()} | {
         _BASE["van"],
         replace(
             _BASE["van"],
+            screens=(0.0, 0.755),
+            rows=1,
             lamps=(0.45, 0.95),
             front=Front(grille=(0.45, 0.72, 0.66), intake=(0.1, 0.3, 0.7), bars=5, lamp=0.7, tail=0.8, bumper=0.3),
         ),

@@ -18,6 +18,7 @@ from recipe_runtime.meshes.fittings import (
     exhaust,
     grille,
     rails,
+    rear_doors,
     roof_sign,
     wipers,
 )
@@ -75,10 +76,13 @@ def _chassis(f: Finish, shape: Mapping[str, float], lit: bool, sight: Sight) -> 
 
 def _fittings(b: Builder, f: Finish, shell: Shell, body: int) -> None:
     """Add what one sees from near by only."""
-    if body not in (BUS, TRUCK):
+    if body != BUS:
         grille(b, f, shell)
+    if body not in (BUS, TRUCK):
         wipers(b, f, shell)
         exhaust(b, f, shell)
+    if shell.shape["blind"]:
+        rear_doors(b, f, shell)
     if shell.style.rails:
         rails(b, f, shell)
     arch_lips(b, f, shell)
