@@ -41,3 +41,11 @@ def test_riders_may_be_detected_as_people() -> None:
 def test_false_alarms_are_counted_on_empty_streets_only() -> None:
     alarm = ("person", *RIDER, 0.6)
     assert false_alarms([seen(alarm), seen(alarm, ("vehicle", *TALL, 0.4), empty=True), seen(empty=True)]) == 0.5
+
+
+def test_heavy_vehicles_are_scored_apart() -> None:
+    """A missed truck lowers the score of buses and trucks, and counts neither way in that of cars."""
+    truths = (Truth("vehicle", TALL, True), Truth("vehicle", (300.0, 10.0, 400.0, 130.0), True, heavy=True))
+    picture = Seen("plaza", "noon", False, truths, (("vehicle", *TALL, 0.9),))
+    recalls = [score([picture], "vehicle", HEIGHTS["90"], heavy).recall for heavy in (None, False, True)]
+    assert recalls == pytest.approx([0.5, 1.0, 0.0])

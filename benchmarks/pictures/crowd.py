@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.ir.semantic_tags import BODIES
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.loading import compiled
 from recipe_runtime.scenario import Scenario, Scenes
@@ -35,11 +36,13 @@ class Truth:
         label: One of `CLASSES`; empty for a two-wheeler with its rider, which may be detected as either.
         box: x0, y0, x1, y1 in pixels.
         wanted: Whether a detector must find it; others are neither right nor wrong.
+        heavy: Whether it is a bus or a truck.
     """
 
     label: str
     box: tuple[float, float, float, float]
     wanted: bool
+    heavy: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,4 +88,5 @@ def _truth(row: LabelRecord, actor: ActorPlan) -> Truth:
     two_wheels = actor.category == "vehicle" and "rider" in actor.shape
     label = "" if two_wheels else "person" if actor.category == "pedestrian" else "vehicle"
     clear = row["visible_fraction"] >= _MIN_VISIBLE and row["truncation"] <= 1.0 - _IN_PICTURE
-    return Truth(label, (x, y, x + width, y + height), clear and not two_wheels)
+    heavy = label == "vehicle" and "body" in actor.shape and BODIES[int(actor.shape["body"])] in ("bus", "truck")
+    return Truth(label, (x, y, x + width, y + height), clear and not two_wheels, heavy)

@@ -36,16 +36,20 @@ class Score:
     objects: int
 
 
-def score(seen: Sequence[Seen], label: str, heights: tuple[float, float]) -> Score:
-    """Return the score over pictures; objects of other heights, hidden ones and two-wheelers count neither way."""
+def score(seen: Sequence[Seen], label: str, heights: tuple[float, float], heavy: bool | None = None) -> Score:
+    """Return the score over pictures; objects of other heights, hidden ones and two-wheelers count neither way.
+
+    `heavy` restricts the vehicles to buses and trucks if it is True, and to all others if it is False.
+    """
     truths, found, objects = [], [], 0
     for image, picture in enumerate(seen):
         for truth in picture.truths:
             if truth.label not in (label, ""):
                 continue
-            wanted = truth.wanted and heights[0] <= truth.box[3] - truth.box[1] < heights[1]
+            chosen = truth.wanted and heavy in (None, truth.heavy)
+            wanted = chosen and heights[0] <= truth.box[3] - truth.box[1] < heights[1]
             objects += wanted
-            truths.append(_row(image, truth.box) | {"ignore": int(not wanted), "iscrowd": int(not truth.wanted)})
+            truths.append(_row(image, truth.box) | {"ignore": int(not wanted), "iscrowd": int(not chosen)})
         found += [_row(image, row[1:5]) | {"score": row[5], "iscrowd": 0} for row in picture.rows if row[0] == label]
     if not objects:
         return Score(-1.0, -1.0, 0)
@@ -75,6 +79,9 @@ def summary(seen: Sequence[Seen]) -> dict[str, Score]:
             for weather in weathers:
                 chosen = [picture for picture in crowds if picture.weather == weather]
                 scores[f"{label} {name} {weather}"] = score(chosen, label, heights)
+    for name, heights in HEIGHTS.items():
+        scores[f"car or van {name} all"] = score(crowds, "vehicle", heights, heavy=False)
+        scores[f"bus or truck {name} all"] = score(crowds, "vehicle", heights, heavy=True)
     return scores
 
 
