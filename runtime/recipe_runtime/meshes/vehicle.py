@@ -104,7 +104,7 @@ def _plates(b: Builder, f: Finish, shell: Shell, body: int) -> None:
     """Add number plates at both ends."""
     for sign, u in ((1.0, 0.999), (-1.0, 0.001)):
         z = shell.flank(max(u, shell.style.start), 0.33 if sign > 0 else 0.36)[1] - 0.055
-        x = shell.end(sign, 0.0, z + 0.055) + sign * 0.006
+        x = shell.end(sign, 0.0, z + 0.055) + sign * (0.016 if sign > 0 else 0.006)  # before the bars of a grille
         if body == TRUCK and sign < 0:
             x, z = -shell.length / 2 - 0.02, 0.55
         b.box(f.trim, *_box(x - sign * 0.05, x - sign * 0.002, -0.27, 0.27, z - 0.012, z + 0.122))

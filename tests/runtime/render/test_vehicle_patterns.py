@@ -76,6 +76,16 @@ def test_a_driver_sits_on_the_left_behind_the_wheel() -> None:
     assert inside(CABIN, CABIN.seat, CABIN.belt)[1] == pytest.approx(1.0), "a seat"
 
 
+def test_seats_of_a_bus_have_no_headrests() -> None:
+    """At the height of a driver's eyes one sees across a bus; headrests there looked like passengers."""
+    bus = Cabin(seat=2.2, half=1.0, head=1.7, belt=1.14, roof=2.8, rows=8, driver=True)
+    for row in range(1, 8):
+        x = bus.seat - 0.85 * row
+        assert inside(bus, x, bus.head)[3] == pytest.approx(1.0)
+        assert inside(bus, x, bus.head - 0.5)[1] == pytest.approx(1.0), "a seat"
+    assert inside(CABIN, CABIN.seat - 0.02, CABIN.head + 0.03)[1] == pytest.approx(1.0), "a car has them"
+
+
 def test_a_cabin_fades_to_one_value_far_away() -> None:
     far = [inside(CABIN, x, 1.1, foot=2.0) for x in (-0.8, 0.0, 0.3)]
     assert (far[0] == far[1]).all() and (far[1] == far[2]).all()
