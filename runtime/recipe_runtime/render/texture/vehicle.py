@@ -116,6 +116,16 @@ def block(p: wp.vec3f, s: wp.vec3f, at: wp.vec3f, size: wp.vec3f) -> wp.float32:
 
 
 @wp.func
+def seat_back(p: wp.vec3f, s: wp.vec3f, head: wp.vec3f, pair: bool) -> wp.float32:
+    """Return how far along a line of sight a seat lies: one with a headrest, or a low pair of a bus without any."""
+    if pair:
+        return block(p, s, wp.vec3f(head[0], head[1], head[2] - 0.6), wp.vec3f(0.06, 0.4, 0.38))
+    back = block(p, s, wp.vec3f(head[0], head[1], head[2] - 0.47), wp.vec3f(0.06, 0.24, 0.38))
+    rest = block(p, s, wp.vec3f(head[0] - 0.02, head[1], head[2]), wp.vec3f(0.045, 0.12, 0.075))
+    return minimum(back, rest)
+
+
+@wp.func
 def to_plane(p: wp.float32, s: wp.float32, low: wp.float32, high: wp.float32) -> wp.float32:
     """Return how far along a line of sight it leaves an interval on one axis."""
     if s > 1.0e-4:
@@ -146,23 +156,16 @@ def occupied(
     """
     skin = wp.float32(0.0)
     aside = 0.5 * half + 0.04
-    low = wp.float32(0.07)
-    wide = wp.float32(0.24)
-    if rows == 8:  # a bus: pairs of low seats without headrests
-        low = 0.2
-        wide = 0.4
     for row in range(rows):
         x = seat - PITCH * wp.float32(row)
         for n in range(2):
             y = aside * (1.0 - 2.0 * wp.float32(n))
-            hit = block(p, s, wp.vec3f(x, y, head - low - 0.4), wp.vec3f(0.06, wide, 0.38))
-            if rows < 8:
-                hit = minimum(hit, block(p, s, wp.vec3f(x - 0.02, y, head), wp.vec3f(0.045, 0.12, 0.075)))
+            hit = seat_back(p, s, wp.vec3f(x, y, head), rows == 8)
             if hit < t:
                 t = hit
-                tone = 0.75 + 0.8 * (p[2] + s[2] * t - head + 0.2 + low)
-                if wide > 0.3 and wp.abs(p[1] + s[1] * t - y) < 0.02:
-                    tone = 0.3 * tone  # between two seats of a bus
+                tone = 0.85 + 0.8 * (p[2] + s[2] * t - head + 0.2)
+                if rows == 8 and wp.abs(p[1] + s[1] * t - y) < 0.02:
+                    tone = 0.3 * tone  # between the two seats of a pair
                 cloth = 1.0
                 street = 0.0
     if driven == 1:
