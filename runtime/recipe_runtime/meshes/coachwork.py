@@ -148,6 +148,7 @@ class Shell:
         shift = axle_shift(shape)
         self.axles = (shift - shape["wheelbase"] / 2, shift + shape["wheelbase"] / 2)
         self.arch = _ARCH * shape["wheel"]
+        self._plastic = max(style.front.bumper, 0.28 if style.clad else 0.0)
         self.stations = self._stations()
 
     def x(self, u: float) -> float:
@@ -350,7 +351,7 @@ class Shell:
         front = self.style.front
         if low < middle < high and aside > front.lamp:
             return f.indicators[int(t < 0)] if aside > 0.9 and middle < (low + high) / 2 else f.headlight
-        return f.trim if middle < front.bumper or front.is_open(middle, aside) else f.paint
+        return f.trim if middle < self._plastic or front.is_open(middle, aside) else f.paint
 
     def _back(self, f: Finish, row: int, t: float) -> Surface | None:
         aside = abs(t)
@@ -364,7 +365,7 @@ class Shell:
             if middle < low + 0.4 * (high - low):
                 return f.indicators[int(t < 0)] if outer else f.reverselight
             return f.taillight if outer else f.brakelight
-        return f.trim if middle < self.style.front.bumper or (middle < 0.2 and self.style.clad) else f.paint
+        return f.trim if middle < self._plastic else f.paint
 
     def side(self, x: float, z: float) -> float:
         """Return y of the left side at a height, metres; below the sill, that of the sill."""
