@@ -131,7 +131,28 @@ def format_sections() -> str:
     return "\n\n".join(f"### {name}\n\n{text}" for name, text in docs.items())
 
 
+def detector_scores() -> str:
+    """Return the table of what detectors see in the crowds, before and after the pictures were improved."""
+    folder = ROOT / "benchmarks" / "pictures" / "results"
+    before, after = (json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("before", "after"))
+    detectors = list(after)
+
+    def cell(detector: str, row: str) -> str:
+        old, new = before[detector][row], after[detector][row]
+        return f"{old['precision']:.2f} → {new['precision']:.2f} ({old['recall']:.2f} → {new['recall']:.2f})"
+
+    heights = {"40": "40 to 90 px", "90": "over 90 px"}
+    rows = []
+    for row, value in after[detectors[0]].items():
+        if isinstance(value, dict):
+            words = (heights.get(word, word) for word in row.split())
+            rows.append((", ".join(words), f"{value['objects']:,}", *(cell(d, row) for d in detectors)))
+    alarms = [f"{before[d]['false alarms']:.2f} → {after[d]['false alarms']:.2f}" for d in detectors]
+    return table(("objects", "number", *detectors), [*rows, ("false alarms in an empty street", "", *alarms)])
+
+
 PARTS: dict[str, Callable[[], str]] = {
+    "detector_scores": detector_scores,
     "format_list": format_list,
     "format_names": format_names,
     "format_sections": format_sections,
