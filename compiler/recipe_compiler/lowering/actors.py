@@ -44,7 +44,7 @@ class ActorLowering:
         self.problems: list[Problem] = []
         self._variant, self._base, self._town, self._instances = variant, base, town, instances
         self._spots = placement.Spots(town.spots)
-        self._parking = placement.Parking(town.parking)
+        self._parking = placement.Parking(self._places())
         self._warmup = traffic.warmup(base)
         self._chosen = {name: self._choose(name, actor) for name, actor in base.actors.items()}
         self._made: dict[str, ActorPlan | None] = {}
@@ -61,6 +61,9 @@ class ActorLowering:
                 x, y = actor.start.x, actor.start.y
                 self._spots.occupy(Footprint.of(self._chosen[name], x, y, actor.start.yaw or 0.0))
                 self._parking.occupy(x, y)
+        for sensor in self._base.sensors.values():
+            if sensor.carrier is None:
+                self._parking.occupy(sensor.mount.x, sensor.mount.y)
         numbers = traffic.counts(self._base)
         names = [f"traffic.{category}.{index}" for category in numbers for index in range(numbers[category])]
         names += [f"traffic.parked.{index}" for index in range(self._base.traffic.parked)]
@@ -84,6 +87,13 @@ class ActorLowering:
         if kind == "parked":
             return self._parked(int(index))
         return self._traffic("vehicle" if kind == "vehicle" else "pedestrian", int(index))
+
+    def _places(self) -> list[Pose]:
+        """Return the town's parking places, first those near the sensor of `traffic.near` or else near the origin."""
+        near = self._base.sensors.get(self._base.traffic.near or "")
+        fixed = near is not None and near.carrier is None
+        x, y = (near.mount.x, near.mount.y) if near is not None and fixed else (0.0, 0.0)
+        return sorted(self._town.parking, key=lambda p: (p.x - x) * (p.x - x) + (p.y - y) * (p.y - y))
 
     def _view_near(self) -> traffic.SensorView | None:
         """What the sensor of `traffic.near` sees; None without one. The actor that it is mounted on is placed first."""

@@ -162,7 +162,7 @@ class Spots:
 class Parking:
     """The parking places of a town, and which are occupied.
 
-    Parking places are apart from the lanes, so traffic never occupies one; only actors with a start in the recipe do.
+    Parking places are apart from the lanes, so traffic never occupies one; only what the recipe itself places does.
     """
 
     places: Sequence[Pose]
@@ -179,11 +179,12 @@ class Parking:
                 self._taken.add(index)
 
     def take(self, stream: Stream) -> Pose | None:
-        """Occupy and return the first free parking place in a random order; None if all are occupied."""
+        """Draw a free parking place, more often one of the first, and occupy it; None if all are occupied."""
         for attempt in range(_TRIES + len(self.places)):
             if not self.places:
                 break
-            first = stream.integer(0, len(self.places) - 1) if attempt < _TRIES else attempt - _TRIES
+            draw = stream.unit()
+            first = int(len(self.places) * draw * draw * draw) if attempt < _TRIES else attempt - _TRIES
             if first not in self._taken:
                 self._taken.add(first)
                 return self.places[first]

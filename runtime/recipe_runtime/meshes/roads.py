@@ -23,6 +23,7 @@ _PAINT = Surface("paint", Pattern.ROAD_PAINT, Tag.ROAD_LINES)
 _CENTRE = Surface("centre", Pattern.ROAD_PAINT, Tag.ROAD_LINES)
 _SLABS = Surface("slabs", Pattern.SLABS, Tag.SIDEWALKS)
 _SETTS = Surface("kerb", Pattern.SETTS, Tag.SIDEWALKS)
+_COBBLES = Surface("setts", Pattern.SETTS, Tag.SIDEWALKS)
 _PLATES = Surface("slabs", Pattern.PLATES, Tag.SIDEWALKS)
 _KERB = Surface("kerb", Pattern.KERB, Tag.SIDEWALKS)
 _YARD = Surface("yard", Pattern.GRASS, Tag.TERRAIN)
@@ -313,6 +314,19 @@ def _square(b: Builder, x: float, y: float, top: float) -> None:
             x0, y0 = -x + i * wide, -y + j * high
             b.quads(_PAVING, [level(x0 + band, x0 + wide, y0 + band, y0 + high, top)])
             b.quads(_BAND, [level(x0, x0 + band, y0, y0 + high, top), level(x0 + band, x0 + wide, y0, y0 + band, top)])
+
+
+def parking(b: Builder, e: Element) -> None:
+    """Build parking bays along x, flat on a sidewalk whose kerb is at +y. `shape` has their number, `bays`."""
+    length, width, thick = e.size
+    count, side = int(e.shape["bays"]), width / 2
+    edges = [length * (k / count - 0.5) for k in range(count + 1)]
+    b.quads(_COBBLES, [level(x0, x1, -side, side, thick) for x0, x1 in pairwise(edges)])
+    half, top = 0.05, thick + _MARK - _MEND
+    inner = -side + 2 * half
+    middles = (edges[0] + half, *edges[1:-1], edges[-1] - half)
+    cross = [level(x - half, x + half, inner, side, top) for x in middles]
+    b.quads(_PAINT, [*cross, level(edges[0], edges[-1], -side, inner, top)])
 
 
 def path(b: Builder, e: Element) -> None:

@@ -16,7 +16,7 @@ from recipe_runtime.meshes.houses import house
 from recipe_runtime.meshes.mesh import Body, Mesh
 from recipe_runtime.meshes.monuments import fountain, statue
 from recipe_runtime.meshes.plants import bush, hedge, planter
-from recipe_runtime.meshes.roads import carriageway, ground, junction, path, road, sidewalk
+from recipe_runtime.meshes.roads import carriageway, ground, junction, parking, path, road, sidewalk
 from recipe_runtime.meshes.signs import gantry, guardrail, sign, signal_lamps, traffic_light
 from recipe_runtime.meshes.street_life import bicycles, board, cafe, delivery, letter_box
 from recipe_runtime.meshes.towers import tower
@@ -50,6 +50,7 @@ _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "kiosk": kiosk,
     "lamp": lamp,
     "letter_box": letter_box,
+    "parking": parking,
     "path": path,
     "planter": planter,
     "road": road,

@@ -202,7 +202,7 @@ def _sign(canvas: Canvas, e: Element) -> None:
 _LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] = (
     (("road", "junction", "carriageway"), _flat(_ASPHALT)),
     (("sidewalk",), _sidewalk),
-    (("path",), _flat(_PATH)),
+    (("path", "parking"), _flat(_PATH)),
     (("road",), _road_marks),
     (("carriageway",), _carriageway_marks),
     (("junction",), _crossings),

@@ -40,7 +40,7 @@ def cases(name: str) -> list[Params]:
 
 CASES = [(name, params) for name in towns.NAMES for params in cases(name)]
 FRONTED = {"building", "house", "wall"}  # their origin is at their front
-LYING = {"ground", "road", "junction", "sidewalk", "path", "carriageway", "gantry"}
+LYING = {"ground", "road", "junction", "sidewalk", "path", "parking", "carriageway", "gantry"}
 all_towns = pytest.mark.parametrize("town", range(len(CASES)), ids=[str(case) for case in CASES], indirect=True)
 
 

@@ -1,8 +1,8 @@
 """Downtown: blocks of buildings on a grid of two-lane streets.
 
-The main street runs along y, centred on x = 0, and has no parking; the other streets have parking bays along both
-kerbs. The two nearest cross streets are centred on y = -36 and y = 36, so the sidewalks of the main street
-(3 < |x| < 9) are uninterrupted for |y| < 25. All lengths are in metres.
+The main street runs along y, centred on x = 0, and has parking bays on its sidewalks, in the middle of each block; the
+other streets have parking bays along both kerbs. The two nearest cross streets are centred on y = -36 and y = 36, so
+the sidewalks of the main street (3 < |x| < 9) are uninterrupted for |y| < 25. All lengths are in metres.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from recipe_compiler.library.towns import network
 from recipe_compiler.library.towns.network import Block
 from recipe_compiler.library.towns.rows import Manner, close_streets, close_yards, row, shopfronts
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
-from recipe_compiler.library.towns.streets import BAY, StreetGrid
+from recipe_compiler.library.towns.streets import BAY, LANE, StreetGrid
 from recipe_compiler.library.towns.town import Town, TownParameter
 
 PITCH = 72.0  # distance between the centre lines of neighbouring streets
@@ -20,7 +20,7 @@ EDGE = 29.3  # distance from the outermost streets' centre lines to the outer ed
 
 SUMMARY = (
     "closed rows of buildings, traffic lights along the main street, which is along y at x = 0, and "
-    "parking bays along the other streets"
+    "parking bays: on its sidewalks, and along the other streets"
 )
 PARAMETERS: dict[str, TownParameter] = {
     "blocks": TownParameter(1, 9, (3, 3), "blocks along x and along y", 2),
@@ -65,6 +65,7 @@ _LAMPS = (-15.5, 15.5)
 _TREES = (-22.0, -11.5, 11.5, 20.0)
 _BENCHES = (-17.5, 18.0)
 _BINS = (-13.5, 14.0)
+_MAIN_BAYS = 3  # between the trees beside the middle
 _CAFES = (-19.0, -16.6, 15.0, 17.4)
 
 
@@ -97,4 +98,6 @@ def _furniture(site: Site, block: Block, yaw: int) -> None:
         site.keyed(f"bicycles.{name}", "bicycles", place(-25.0, 1.1, 90), (1.9, 1.8, 1.1))
     if site.chance(0.35, "letter_box", name):
         site.add(f"letter_box.{name}", "letter_box", place(25.5, 0.7, 180), (0.4, 0.44, 1.3))
+    if abs(kerb.x) == LANE:  # the main street
+        network.kerbside_parking(site, name, kerb, 0.0, _MAIN_BAYS)
     shopfronts(site, name, kerb, _CAFES)

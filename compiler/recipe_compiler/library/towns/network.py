@@ -20,6 +20,8 @@ BAY_LENGTH = 6.2
 # Road sign -> the value of the `face` parameter of an element of kind "sign".
 FACES = {"stop": 0, "speed": 1, "crossing": 2, "give_way": 3, "parking": 4, "ahead": 5, "dead_end": 6}
 _SPACING = 5.0  # metres between two spawn points of a lane; longer vehicles take several
+_FROM_KERB = 0.18  # from the kerb to parking bays on a sidewalk: the width of the kerb stones
+_STRIP = 2.1  # width of parking bays on a sidewalk; pedestrians walk beyond them
 _STAND = BAY - 0.15 - 1.0  # from the edge of the lane to the middle of a parked car
 
 
@@ -155,6 +157,23 @@ def _bays(length: float, stop_a: float, stop_b: float) -> tuple[float, int]:
     start, end = -length / 2 + stop_a + 5.0, length / 2 - stop_b - 5.0
     count = max(0, int((end - start) / BAY_LENGTH))
     return (start + end) / 2 - count * BAY_LENGTH / 2, count
+
+
+def kerbside_parking(site: Site, name: str, kerb: Pose, at: float, bays: int) -> None:
+    """Add parking bays on a sidewalk, level with it, along its kerb.
+
+    Args:
+        site: the element is added to it.
+        name: the name of the sidewalk's side.
+        kerb: a pose on the kerb, facing the street.
+        at: the middle of the bays, metres from `kerb` to the left.
+        bays: their number.
+    """
+    size = (BAY_LENGTH * bays, _STRIP, 0.006)
+    site.add(f"parking.{name}", "parking", beside(kerb, -_FROM_KERB - _STRIP / 2, at, -90.0), size, bays=bays)
+    for k in range(bays):
+        along = at + BAY_LENGTH * (k + 0.5 - bays / 2)
+        site.parking.append(beside(kerb, -_FROM_KERB - _STRIP / 2, along, -90.0))
 
 
 def _post(site: Site, name: str, pose: Pose, face: str, value: int = 0) -> None:

@@ -37,6 +37,7 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "junction": {"asphalt": _ASPHALTS, "patch": _PATCHES, "tar": _TAR, "iron": _IRON, "paint": _PAINT},
     "carriageway": {"asphalt": ("#6a6b6d",), "patch": ("#626365", "#5e5f62"), "tar": ("#46474a",), "paint": _PAINT},
+    "parking": {"setts": ("#75716b", "#7c7771", "#6d6b68"), "paint": _PAINT},
     "path": {"path": ("#8d8780", "#938d84", "#86827c")},
     "traffic_light": {
         "metal": ("#4a4e50",),
