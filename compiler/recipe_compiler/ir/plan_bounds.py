@@ -57,7 +57,7 @@ KINDS: dict[str, Kind] = {
     "bicycles": _fixed(300, (1.9, 1.8, 1.1), 2000, **_KEY),
     "billboard": _fixed(20, (0.5, 6.0, 6.0), 300, **_KEY),
     "bin": _fixed(700, (0.42, 0.42, 0.95), 120),
-    "board": _fixed(400, (0.5, 0.62, 1.1), 40, **_KEY),
+    "board": _fixed(400, (0.5, 0.62, 1.1), 500, **_KEY),
     "bollard": _fixed(250, (0.2, 0.2, 0.9), 200),
     "building": Kind(
         1200,
@@ -68,7 +68,7 @@ KINDS: dict[str, Kind] = {
             "shop": _FLAG, "awning": _FLAG, "left": _FLAG, "right": _FLAG, "roof": _FLAG, **_KEY,
         },
     ),
-    "bus_stop": _fixed(200, (1.6, 4.0, 2.6), 200),
+    "bus_stop": _fixed(200, (1.6, 4.0, 2.6), 400),
     "bush": Kind(1200, ((0.8, 2.1), (0.8, 2.1), (0.6, 1.7)), 800, _KEY),
     "cafe": _fixed(900, (1.3, 1.8, 2.4), 500, **_KEY),
     "carriageway": Kind(
@@ -107,7 +107,7 @@ KINDS: dict[str, Kind] = {
     ),
     "kiosk": _fixed(30, (2.5, 3.0, 2.8), 500, **_KEY),
     "lamp": Kind(1500, ((0.16, 0.2), (0.16, 0.2), (4.0, 10.0)), 140, {"arm": (0.5, 2.5)}),
-    "letter_box": _fixed(200, (0.4, 0.44, 1.3), 80),
+    "letter_box": _fixed(200, (0.4, 0.44, 1.3), 300),
     "path": Kind(600, ((10.0, 48.0), (2.5, 3.0), (0.0, 0.01)), 10, {"drive": _FLAG}),
     "parking": Kind(100, ((12.4, 62.0), (2.1, 2.1), (0.0, 0.01)), 60, {"bays": (2, 10)}),
     "planter": _fixed(400, (1.2, 1.2, 0.9), 1000, **_KEY),

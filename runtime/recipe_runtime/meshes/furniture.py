@@ -10,6 +10,7 @@ from recipe_runtime.meshes.builder import Builder, Vec, noise, tube, upright
 from recipe_runtime.meshes.facades import Facade, pane_uv
 from recipe_runtime.meshes.lettering import write
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
+from recipe_runtime.meshes.typefaces import TYPEFACES, word
 from recipe_runtime.meshes.vectors import Array
 
 
@@ -127,7 +128,7 @@ def bus_stop(b: Builder, e: Element) -> None:
         b.box(_METAL, (-x + 0.03, -y + 0.05, z), (-x + 0.09, y - 0.05, z + 0.06), "-y +y")
     b.box(_GLASS, (-x + 0.05, -y + 0.05, 0.26), (-x + 0.07, y - 0.05, 1.1), "-y +y")
     b.box(_SIGN, (x - 0.03, -y + 0.2, height - 0.42), (x - 0.01, -y + 1.6, height - 0.14))
-    write(b, _LETTERS, _FRONTAL, "BUS", -y + 0.9, height - 0.38, 0.2, x - 0.006)
+    write(b, _LETTERS, _FRONTAL, word("BUS", TYPEFACES[0]), -y + 0.9, height - 0.38, 0.2, x - 0.006)
     b.box(_WOOD, (-x + 0.16, -y + 0.5, 0.42), (-x + 0.56, y - 1.3, 0.48))
     for py in (-y + 0.7, y - 1.5):
         b.box(_METAL, (-x + 0.3, py - 0.03, 0.0), (-x + 0.36, py + 0.03, 0.42), "-z +z")
@@ -157,7 +158,7 @@ def kiosk(b: Builder, e: Element) -> None:
     b.box(_TRIM, (front, -y + 0.15, 0.88), (front + 0.3, y - 0.15, 0.95), "-x")
     b.box(_ROOF, (-x - 0.0, -y, top), (front, y, top + 0.08), "-z")
     b.box(_SIGN, (front - 0.12, -y + 0.3, top + 0.08), (front - 0.04, y - 0.3, height))
-    write(b, _LETTERS, _FRONTAL, "NEWS", 0.0, top + 0.11, height - top - 0.14, front - 0.036)
+    write(b, _LETTERS, _FRONTAL, word("NEWS", TYPEFACES[1]), 0.0, top + 0.11, height - top - 0.14, front - 0.036)
     low, high, reach = 2.05, 2.35, x
     slope = [(reach, -y, low), (reach, y, low), (front, y, high), (front, -y, high)]
     valance = upright(reach, -y, y, low - 0.16, low)

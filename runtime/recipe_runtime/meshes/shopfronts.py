@@ -9,8 +9,9 @@ from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, niches, pane_uv, pierced, surface
-from recipe_runtime.meshes.lettering import WORDS, length, write
+from recipe_runtime.meshes.lettering import WORDS, write
 from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.typefaces import TYPEFACES, word
 
 _TRIM = surface("trim", Pattern.PLASTER)
 _FRAME = surface("frame", Pattern.PLAIN)
@@ -115,12 +116,14 @@ def _shop(b: Builder, f: Facade, g: Ground, holes: list[Hole], door: int, high: 
         return
     u0, u1, z0, z1 = 0.3, f.width - 0.3, high + 0.2, high + 0.2 + 0.5
     b.quads(_SIGN, f.block((u0, u1), (0.0, 0.12), (z0, z1)))
-    word = WORDS[int((noise(f.key, 17) + 1) / 2 * len(WORDS))]
+    name = WORDS[int((noise(f.key, 17) + 1) / 2 * len(WORDS))]
+    text = word(name, TYPEFACES[int((noise(f.key, 19) + 1) / 2 * len(TYPEFACES))])
     for height in (0.34, 0.26):
-        if length(word, height) < u1 - u0 - 0.4:
+        long = text.length * height
+        if long < u1 - u0 - 0.4:
             left = f.width > 12 and noise(f.key, 18) > 0
-            middle = u0 + 0.4 + length(word, height) / 2 if left else f.width / 2
-            write(b, _LETTERS, f, word, middle, (z0 + z1 - height) / 2, height, 0.124)
+            middle = u0 + 0.4 + long / 2 if left else f.width / 2
+            write(b, _LETTERS, f, text, middle, (z0 + z1 - height) / 2, height, 0.124)
             break
     if g.awning:
         for k, _ in enumerate(holes):

@@ -11,6 +11,7 @@ from recipe_runtime.meshes.furniture import lathed
 from recipe_runtime.meshes.lettering import WORDS, write
 from recipe_runtime.meshes.lofts import tube
 from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.typefaces import TYPEFACES, word
 
 
 def _static(slot: str, pattern: Pattern) -> Surface:
@@ -135,7 +136,8 @@ def delivery(b: Builder, e: Element) -> None:
 def board(b: Builder, e: Element) -> None:
     """Build a folding board that faces +x and -x, with a word in chalk."""
     depth, width, height = e.size
-    word = WORDS[int(e.shape["key"]) % len(WORDS)]
+    key = int(e.shape["key"])
+    text = word(WORDS[key % len(WORDS)], TYPEFACES[key % len(TYPEFACES)])
     half, spread = width / 2, depth / 2
     b.quads(_PALLET, [level(-0.03, 0.03, -half, half, height)])
     for sign in (1.0, -1.0):
@@ -152,8 +154,8 @@ def board(b: Builder, e: Element) -> None:
             for x, y, z in ((sign * spread * 0.97, -half, 0.04), (sign * spread * 0.97, half, 0.04), *high)
         ]
         b.quads(_SLATE, [inner if sign > 0 else inner[::-1]])
-    size = min(0.15, 0.8 * width / (0.88 * len(word)))
-    write(b, _CHALK, _FRONT, word, 0.0, 0.72 * height, size, 0.3 * spread + 0.05)
+    size = min(0.15, 0.8 * width / text.length)
+    write(b, _CHALK, _FRONT, text, 0.0, 0.72 * height, size, 0.3 * spread + 0.05)
 
 
 def letter_box(b: Builder, e: Element) -> None:
@@ -164,4 +166,4 @@ def letter_box(b: Builder, e: Element) -> None:
     b.box(_BOX, (-deep / 2 - 0.02, -wide / 2 - 0.02, height - 0.08), (deep / 2 + 0.02, wide / 2 + 0.02, height))
     x = deep / 2 + 0.003
     b.quads(_SLOT, [upright(x, -0.14, 0.14, height - 0.22, height - 0.18)])
-    write(b, _LETTERS, _FRONT, "POST", 0.0, height - 0.42, 0.1, x)
+    write(b, _LETTERS, _FRONT, word("POST", TYPEFACES[0]), 0.0, height - 0.42, 0.1, x)
