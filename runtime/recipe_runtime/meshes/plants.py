@@ -42,7 +42,7 @@ def _shrub_shape(kind: int) -> Leaves:
     radius = (0.21 + 0.04 * noises(kind, 40 + np.arange(7)))[:, None]
     clumps = Clumps(centres, radius * np.array([1.0, 1.0, 1.1]))
     leaves = foliage(clumps, Growth(44, 0.12, 0.7, 0.6, 0.6, 0.8, -0.2), kind + 311, np.array([0.0, 0.0, 0.3]))
-    leaves = fitted(leaves, np.array([-0.5, -0.5, -0.1]), np.array([0.5, 0.5, 1.0]))
+    leaves = fitted(leaves, np.array([-0.5, -0.5, -0.35]), np.array([0.5, 0.5, 1.0]))
     leaves.points[:, 2] = np.maximum(leaves.points[:, 2], 0.0)  # flatten the base: it must not stand on a point
     return leaves
 
