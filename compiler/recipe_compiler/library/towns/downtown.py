@@ -10,7 +10,7 @@ from __future__ import annotations
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns import network
 from recipe_compiler.library.towns.network import Block
-from recipe_compiler.library.towns.rows import Manner, close_streets, close_yards, row, shopfronts
+from recipe_compiler.library.towns.rows import Manner, close_streets, close_yards, corner, row, shopfronts
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.streets import BAY, LANE, StreetGrid
 from recipe_compiler.library.towns.town import Town, TownParameter
@@ -52,6 +52,8 @@ def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> To
             yard = row(site, block, yaw, manner)
             yards += [yard] if yard else []
             _furniture(site, block, yaw)
+        if not block.sides:
+            corner(site, block, manner)
     close_yards(site, yards)
     close_streets(site, streets, manner)
     network.signals(site, streets, main, 30)

@@ -12,7 +12,7 @@ from itertools import pairwise
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns import network
 from recipe_compiler.library.towns.network import WALK, Block
-from recipe_compiler.library.towns.rows import Manner, close_streets, row, shopfronts
+from recipe_compiler.library.towns.rows import Manner, close_streets, corner, row, shopfronts
 from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.square import SquareGrid, lines
 from recipe_compiler.library.towns.streets import BAY, KERB, LANE
@@ -51,7 +51,7 @@ def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town
                 row(site, block, yaw, manner)
                 _sidewalk(site, block, yaw)
             if not block.sides:
-                _corner(site, block, trees)
+                corner(site, block, manner)
     _square(site, half, trees)
     close_streets(site, streets, manner)
     network.signals(site, streets, None, 20)
@@ -70,14 +70,6 @@ def _sidewalk(site: Site, block: Block, yaw: int) -> None:
     site.add(f"bin.{name}", "bin", beside(kerb, -0.6, 3.0), (0.42, 0.42, 0.95))
     site.keyed(f"bicycles.{name}", "bicycles", beside(kerb, -1.1, 6.0, 90), (1.9, 1.8, 1.1))
     shopfronts(site, name, kerb, tuple(2.4 * n - 12.0 for n in range(11)))
-
-
-def _corner(site: Site, block: Block, trees: int) -> None:
-    """Add trees to a corner block, which has no buildings."""
-    for n in range(4):
-        if site.chance(trees / 100, "green", block.name, str(n)):
-            at = Pose(x=block.middle.x + 9.0 * (n % 2) - 4.5, y=block.middle.y + 9.0 * (n // 2) - 4.5, z=KERB)
-            site.tree(f"tree.{block.name}.{n}", at, 9.0, (0, 2, 3))
 
 
 def _square(site: Site, half: tuple[float, float], trees: int) -> None:

@@ -103,6 +103,14 @@ def _building(site: Site, name: str, pose: Pose, width: float, manner: Manner, f
     )
 
 
+def corner(site: Site, block: Block, manner: Manner) -> None:
+    """Add a building to a block at a corner of the town, which has no sides; it faces the street along y."""
+    east, north = (index == "-1" for index in block.name.split("."))  # whether the streets are there
+    front, length = block.side(0 if east else 180)
+    shift = (WALK / 2 - 0.2) * (-1 if east == north else 1)
+    _building(site, f"building.{block.name}", beside(front, 0.0, shift), length + WALK - 0.4, manner, (True, True))
+
+
 def close_yards(site: Site, yards: list[Pose]) -> None:
     """Add a wall across each gap. wall.0 is the one nearest to the point (9, 0), east of the main street's middle."""
     front = 3.0 + WALK
