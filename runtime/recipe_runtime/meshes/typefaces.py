@@ -54,7 +54,7 @@ _STROKES: dict[str, str] = {
     "L": "0,0 0,6|0,0 3.3,0",
     "M": "0,0 0,6|0,6 2.4,1.2|2.4,1.2 4.8,6|4.8,0 4.8,6",
     "N": "0,0 0,6|0,6 3.9,0|3.9,0 3.9,6",
-    "O": "~2.1,6 1,6 0,5.6 0,3 0,0.4 1,0 2.1,0 3.2,0 4.2,0.4 4.2,3 4.2,5.6 3.2,6 2.1,6",
+    "O": "~2.1,6 0.6,6 0,4.6 0,1.4 0.6,0 3.6,0 4.2,1.4 4.2,4.6 3.6,6 2.1,6",
     "P": "0,0 0,6|~0,6 1.8,6 3.8,6 3.8,2.8 1.8,2.8 0,2.8",
     "R": "0,0 0,6|~0,6 1.8,6 3.8,6 3.8,3 1.8,3 0,3|1.7,3 3.9,0",
     "S": "~3.6,4.6 3.5,6 1.9,6 0.2,6 0.2,3.3 1.9,3.1 3.8,2.8 3.8,0 1.9,0 0.1,0 0,1.4",
@@ -142,11 +142,16 @@ def _serifs(a: Point, c: Point, face: Typeface) -> list[list[Point]]:
 
 
 def _rounded(line: list[Point]) -> list[Point]:
-    """Cut the corners of a line once (Chaikin); its ends stay."""
+    """Cut the corners of a line once (Chaikin), without points on straight parts; its ends stay."""
     cut = [line[0]]
     for (ax, az), (cx, cz) in pairwise(line):
         cut += [(0.75 * ax + 0.25 * cx, 0.75 * az + 0.25 * cz), (0.25 * ax + 0.75 * cx, 0.25 * az + 0.75 * cz)]
-    return [*cut, line[-1]]
+    cut.append(line[-1])
+    bends = [
+        abs((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]))
+        for a, b, c in zip(cut, cut[1:], cut[2:], strict=False)
+    ]
+    return [cut[0], *(point for point, bend in zip(cut[1:], bends, strict=False) if bend > 1e-6), cut[-1]]
 
 
 def _ribbon(line: list[Point], half: float, rise: float) -> list[list[Point]]:

@@ -1,6 +1,6 @@
 """Downtown: blocks of buildings on a grid of two-lane streets.
 
-The main street runs along y, centred on x = 0, and has parking bays on its sidewalks, in the middle of each block; the
+The main street runs along y, centred on x = 0, and has parking bays on its sidewalks, beside each block's middle; the
 other streets have parking bays along both kerbs. The two nearest cross streets are centred on y = -36 and y = 36, so
 the sidewalks of the main street (3 < |x| < 9) are uninterrupted for |y| < 25. All lengths are in metres.
 """
@@ -67,7 +67,7 @@ _LAMPS = (-15.5, 15.5)
 _TREES = (-22.0, -11.5, 11.5, 20.0)
 _BENCHES = (-17.5, 18.0)
 _BINS = (-13.5, 14.0)
-_MAIN_BAYS = 3  # between the trees beside the middle
+_MAIN_BAYS = (-6.3, 6.3)  # on the main street, each before a tree
 _CAFES = (-19.0, -16.6, 15.0, 17.4)
 
 
@@ -101,5 +101,6 @@ def _furniture(site: Site, block: Block, yaw: int) -> None:
     if site.chance(0.35, "letter_box", name):
         site.add(f"letter_box.{name}", "letter_box", place(25.5, 0.7, 180), (0.4, 0.44, 1.3))
     if abs(kerb.x) == LANE:  # the main street
-        network.kerbside_parking(site, name, kerb, 0.0, _MAIN_BAYS)
+        for n, at in enumerate(_MAIN_BAYS):
+            network.kerbside_parking(site, f"{name}.{n}", kerb, at, 1)
     shopfronts(site, name, kerb, _CAFES)
