@@ -147,10 +147,7 @@ def _rounded(line: list[Point]) -> list[Point]:
     for (ax, az), (cx, cz) in pairwise(line):
         cut += [(0.75 * ax + 0.25 * cx, 0.75 * az + 0.25 * cz), (0.25 * ax + 0.75 * cx, 0.25 * az + 0.75 * cz)]
     cut.append(line[-1])
-    bends = [
-        abs((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]))
-        for a, b, c in zip(cut, cut[1:], cut[2:], strict=False)
-    ]
+    bends = [abs(_turn(a, b, c)) for a, b, c in zip(cut, cut[1:], cut[2:], strict=False)]
     return [cut[0], *(point for point, bend in zip(cut[1:], bends, strict=False) if bend > 1e-6), cut[-1]]
 
 
@@ -164,4 +161,21 @@ def _ribbon(line: list[Point], half: float, rise: float) -> list[list[Point]]:
         u, v = -dz / size * half, dx / size * rise
         left.append((x + u, z + v))
         right.append((x - u, z - v))
-    return [[right[k], right[k + 1], left[k + 1], left[k]] for k in range(len(line) - 1)]
+    return [_unfolded(right[k], right[k + 1], left[k + 1], left[k]) for k in range(len(line) - 1)]
+
+
+def _unfolded(a: Point, c: Point, d: Point, e: Point) -> list[Point]:
+    """Return a piece of a ribbon; if it is folded inside of a tight bend, its shorter edge shrinks to a point."""
+    if _turn(a, c, d) > 0.0 and _turn(a, d, e) > 0.0:
+        return [a, c, d, e]
+    right, left = (abs(p[0] - q[0]) + abs(p[1] - q[1]) for p, q in ((a, c), (e, d)))
+    if right < left:
+        a = c = ((a[0] + c[0]) / 2, (a[1] + c[1]) / 2)
+    else:
+        d = e = ((d[0] + e[0]) / 2, (d[1] + e[1]) / 2)
+    return [a, c, d, e]
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    """Return twice the area of a triangle, positive if it is counter-clockwise."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
