@@ -83,7 +83,8 @@ def cumulus(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) ->
     # Less cloud towards the sun lets its light through; the thickest parts show their dark base.
     sunward = cumulus_mass(x + air[0].sun[0] * SUN_STEP, y + air[0].sun[1] * SUN_STEP, air[0].seed)
     # An overcast sky is thick everywhere: it shows dark bases only where it is thickest.
-    deep = smoothstep(edge + 0.02, edge + 0.34 + maximum(air[0].cover - 0.6, 0.0), n)
+    full = maximum(air[0].cover - 0.6, 0.0)
+    deep = smoothstep(edge + 0.02 + 0.5 * full, edge + 0.34 + 0.8 * full, n)
     return wp.vec2f(thick, clamp01(0.78 + 3.2 * (mass - sunward) - 0.75 * deep + 1.6 * (n - mass - 0.125)))
 
 
@@ -155,5 +156,5 @@ def sky(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.
 @wp.func
 def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f, foot: wp.float32) -> wp.vec3f:
     """Return the sky along a unit direction behind fog; the path is longer near the horizon. `foot`: as of `sky`."""
-    far = 160.0 / (maximum(d[2], 0.0) + 0.06)
+    far = 120.0 / (maximum(d[2], 0.0) + 0.06)
     return apply_fog(air, sky(air, eye, d, foot), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))

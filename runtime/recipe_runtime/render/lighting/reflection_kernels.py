@@ -25,6 +25,7 @@ from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, non
 from recipe_runtime.render.numeric.vectors import dot, mix
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.pinhole import Pinhole
+from recipe_runtime.render.texture.detail import fade
 
 wp.set_module_options(OPTIONS)
 
@@ -32,6 +33,8 @@ STEPS = wp.constant(13)
 STEP_GROWTH = wp.constant(wp.float32(1.47))
 DISTANCE_BEYOND_PICTURE = wp.constant(wp.float32(60.0))  # metres of air assumed for a ray that leaves the picture
 DRY = wp.constant(-2)  # in place of a sample's index: a block that reflects nothing
+RIPPLE = wp.constant(wp.float32(0.043))  # metres of a cell of the noise of ripples
+SWELL = wp.constant(wp.float32(0.4))  # metres of a cell of the waves that are left farther away
 MIN_SHARE = wp.constant(wp.float32(0.016))  # of reflectance; below, only the sky is reflected
 
 
@@ -56,11 +59,21 @@ def pixel_of(q: wp.vec3f, pinhole: Pinhole) -> wp.vec2i:
 
 
 @wp.func
-def ripple_tilt(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
-    """Return the tilt of the normal of wet ground along the line of sight by ripples, roughness and raindrops."""
-    return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (
-        0.006 + 0.3 * (1.0 - gloss) + air[0].ring_strength
-    )
+def ripple_tilt(
+    air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32, footprint: wp.float32
+) -> wp.float32:
+    """Return the tilt of the normal of wet ground along the line of sight by ripples, roughness and raindrops.
+
+    Waves become longer, and then flat, where pixels, `footprint` metres long on the ground, are longer than they.
+    """
+    near = fade(RIPPLE, footprint)
+    n = wp.float32(0.0)
+    if near > 0.0:
+        n = near * (noise2(p[0] / RIPPLE, p[1] / RIPPLE, wp.uint32(rings)) - 0.5)
+    far = 0.6 * (1.0 - near) * fade(SWELL, footprint)
+    if far > 0.0:
+        n = n + far * (noise2(p[0] / SWELL, p[1] / SWELL, wp.uint32(rings)) - 0.5)
+    return n * (0.006 + 0.3 * (1.0 - gloss) + air[0].ring_strength)
 
 
 @wp.func
@@ -317,7 +330,9 @@ def mirrored_view(
     block = nonnegative((pixel / pinhole.width / 2) * ((pinhole.width + 1) / 2) + (pixel % pinhole.width) / 2)
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].ring_step), gloss))
+    footprint = dot(to_point, to_point) / maximum(wp.float32(pinhole.focal) * wp.abs(to_point[2]), 1.0)
+    rings = ring_pattern(ring_phase(p), air[0].ring_step)
+    d = mirror_direction(to_point, ripple_tilt(air, p, rings, gloss, footprint))
     return d, mirrored_pixel(block, pixel, to_point, d, reach, depth, view, pinhole)
 
 
