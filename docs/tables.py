@@ -138,7 +138,9 @@ def detector_scores() -> str:
     detectors = list(after)
 
     def cell(detector: str, row: str) -> str:
-        old, new = before[detector][row], after[detector][row]
+        old, new = before[detector].get(row), after[detector][row]
+        if old is None:  # a class that was not scored apart then
+            return f"{new['precision']:.2f} ({new['recall']:.2f})"
         return f"{old['precision']:.2f} → {new['precision']:.2f} ({old['recall']:.2f} → {new['recall']:.2f})"
 
     heights = {"40": "40 to 90 px", "90": "over 90 px"}
