@@ -21,7 +21,7 @@ Range = tuple[float, float]
 
 MAX_ROUTE_METRES = 16_000_000  # of the routes of all vehicles of a scene; a driver keeps a speed for each metre
 MAX_TOUCHING = 4_000  # pairs of actors; PyBullet fails when it reports about 20,000 points of contact
-MAX_TRIANGLES = 14_000_000  # of a town, if each of its elements has as many as its kind may have
+MAX_TRIANGLES = 15_000_000  # of a town, if each of its elements has as many as its kind may have
 MAX_PROP_TRIANGLES = 4_000_000  # of the props of a scene; plans do not have the contents of their meshes
 MAX_TEXTURE_PIXELS = 64 << 20  # of all images of an appearance
 
