@@ -38,6 +38,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("report", "transfer"),
         ("build",),
         ("verify",),
+        ("lifecycle",),
     ),
 }
 MAX_ROOT_MODULES = 6

@@ -31,6 +31,7 @@ COMMANDS = {
     "verify": "Re-render sample frames and compare them, byte for byte.",
     "diff": "Report the differences between two recipes, lockfiles or datasets.",
     "doctor": "Report the host's fingerprint and the tiers that hold on it.",
+    "attest": "Write an in-toto statement about a build or a verification.",
     "pack": "Put a recipe and all that it needs into one file to share.",
     "export": "Write a dataset in another form, to train from.",
     "cache": "Show what is kept between runs, or make it smaller.",

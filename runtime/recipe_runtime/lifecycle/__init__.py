@@ -1,0 +1,1 @@
+"""What happens to finished datasets: statements about them."""
