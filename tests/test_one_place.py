@@ -18,8 +18,13 @@ from tests.sources import PACKAGES, imports, modules, walk
 WEATHER = ("recipe_compiler/ir/weather.py", "recipe_compiler/library/weather.py", "recipe_runtime/render/")
 # The town itself, and which of CARLA's towns it is similar to.
 TOWN = ("recipe_compiler/library/towns/", "recipe_compiler/carla/catalogue/towns.py")
-# The registry, CARLA's importer, and the files of export formats.
-MODALITY = ("recipe_compiler/ir/modalities.py", "recipe_compiler/carla/forms/", "recipe_runtime/transfer/formats/")
+# The registry, CARLA's importer, the files of export formats, and the check that pictures agree with each other.
+MODALITY = (
+    "recipe_compiler/ir/modalities.py",
+    "recipe_compiler/carla/forms/",
+    "recipe_runtime/transfer/formats/",
+    "recipe_runtime/lifecycle/validation.py",
+)
 FORMATS = "recipe_runtime/transfer/formats"
 ALSO = {
     "sun_azimuth_angle": ("recipe_compiler/lowering/lower.py", "recipe_compiler/carla/weather.py"),  # or from the time

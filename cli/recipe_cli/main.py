@@ -29,6 +29,7 @@ COMMANDS = {
     "build": "Build the dataset.",
     "lock": "Write the lockfile: a digest for every frame.",
     "verify": "Re-render sample frames and compare them, byte for byte.",
+    "validate": "Check that the files of a dataset agree with each other.",
     "diff": "Report the differences between two recipes, lockfiles or datasets.",
     "doctor": "Report the host's fingerprint and the tiers that hold on it.",
     "attest": "Write an in-toto statement about a build or a verification.",

@@ -1,1 +1,1 @@
-"""What happens to finished datasets: statements about them."""
+"""What happens to finished datasets: checks of their files, statements about them."""
