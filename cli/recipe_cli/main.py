@@ -31,6 +31,7 @@ COMMANDS = {
     "verify": "Re-render sample frames and compare them, byte for byte.",
     "validate": "Check that the files of a dataset agree with each other.",
     "diff": "Report the differences between two recipes, lockfiles or datasets.",
+    "bisect": "Name the commits at which a frame changed.",
     "doctor": "Report the host's fingerprint and the tiers that hold on it.",
     "attest": "Write an in-toto statement about a build or a verification.",
     "pack": "Put a recipe and all that it needs into one file to share.",

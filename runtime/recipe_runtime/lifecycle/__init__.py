@@ -1,1 +1,1 @@
-"""What happens to finished datasets: checks of their files, statements about them."""
+"""What happens to finished datasets: checks of their files, their history, statements about them."""
