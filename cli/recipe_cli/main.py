@@ -26,6 +26,7 @@ COMMANDS = {
     "check": "Read a recipe and report every mistake in it.",
     "plan": "Show what a recipe defines and what it costs, before any work.",
     "shot": "Render one frame, to look at.",
+    "why": "Say where a pixel of a frame comes from.",
     "build": "Build the dataset.",
     "lock": "Write the lockfile: a digest for every frame.",
     "verify": "Re-render sample frames and compare them, byte for byte.",

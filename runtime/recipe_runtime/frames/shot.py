@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
 from recipe_runtime.core.files import host_errors
-from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.interfaces import Observed, Progress
 from recipe_runtime.core.outputs import write_output
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import Engines, devices, real_engines
@@ -80,7 +82,38 @@ def shot(
     Raises:
         InputError: the sensor, the frame or the modality does not exist.
     """
-    engines, store, progress = engines or real_engines(), store or Store(), progress or _silence
+    with observed(scenario, sensor, frame, engines, store, device, progress or _silence) as (source, plan, frame, seen):
+        modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
+        if modality not in plan.capture:
+            raise InputError(
+                f"the sensor {plan.name} does not capture {modality!r}",
+                help=f"it captures {', '.join(plan.capture)}",
+                code=Code.UNKNOWN_NAME,
+            )
+        pixels: NDArray[Any]
+        if modality == "rgb":
+            pixels = source.shade(seen, scenario.appearance, plan, frame)
+        else:
+            pixels = label_array(seen, modality)
+    return Shot(plan.name, frame, modality, pixels)
+
+
+@contextmanager
+def observed(
+    scenario: ScenarioPlan,
+    sensor: str | None,
+    frame: int | None,
+    engines: Engines | None,
+    store: Store | None,
+    device: str,
+    progress: Progress,
+) -> Iterator[tuple[SceneSource, SensorPlan, int, Observed]]:
+    """Yield the renderer of a scene, the sensor, the number of the frame and its observation; arguments as of `shot`.
+
+    Raises:
+        InputError: the sensor or the frame does not exist.
+    """
+    engines, store = engines or real_engines(), store or Store()
     rig, scene = {s.name: s for s in scenario.rig.sensors}, scenario.scene
     plan = _pick(rig, sensor)
     frames = scene.clock.frames
@@ -93,27 +126,14 @@ def shot(
             code=Code.OUT_OF_RANGE,
         )
     plan.check_takes(frame, frames)
-    modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
-    if modality not in plan.capture:
-        raise InputError(
-            f"the sensor {plan.name} does not capture {modality!r}",
-            help=f"it captures {', '.join(plan.capture)}",
-            code=Code.UNKNOWN_NAME,
-        )
     place = devices(device)[0]
     with leased(store.root), ThreadPoolExecutor(max_workers=1) as background:
         loading = background.submit(engines.renderer, scene, place)
         trace = _trace(store, engines, scene, frame)
         progress("render", 0, 1)
         source = SceneSource(scene, trace, device=place, engines=engines, renderer=loading.result())
-        seen = source.observe(plan, frame)
-        pixels: NDArray[Any]
-        if modality == "rgb":
-            pixels = source.shade(seen, scenario.appearance, plan, frame)
-        else:
-            pixels = label_array(seen, modality)
+        yield source, plan, frame, source.observe(plan, frame)
         progress("render", 1, 1)
-    return Shot(plan.name, frame, modality, pixels)
 
 
 def _trace(store: Store, engines: Engines, scene: ScenePlan, frame: int) -> Trace:

@@ -14,7 +14,7 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster.distortion import distortion_of, undistorted_camera
 from recipe_runtime.render.raster.distortion_kernels import Distortion
 from recipe_runtime.render.scene.camera import pinhole_of
-from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.scene.geometry import Geometry, SurfaceKey
 from recipe_runtime.render.scene.pinhole import Pinhole
 
 
@@ -51,3 +51,11 @@ class VisibleSurfaces:
         label_pass.draw(self, out)
         array: NDArray[np.generic] = out.numpy().reshape(label_pass.shape(self.camera.width, self.camera.height))
         return array
+
+    def at(self, x: int, y: int) -> SurfaceKey | None:
+        """Return the surface that the pixel in column x and row y shows; None for the sky."""
+        key = int(self.keys.numpy()[y * self.camera.width + x])
+        if key == 0:
+            return None
+        triangle = key & 0xFFFFFF  # as `label_kernels.triangle_of`
+        return self.geometry.surfaces[int(self.geometry.triangle_surface.numpy()[triangle])]
