@@ -32,6 +32,7 @@ COMMANDS = {
     "verify": "Re-render sample frames and compare them, byte for byte.",
     "validate": "Check that the files of a dataset agree with each other.",
     "diff": "Report the differences between two recipes, lockfiles or datasets.",
+    "merge": "Make a dataset from an earlier one and a delta.",
     "bisect": "Name the commits at which a frame changed.",
     "doctor": "Report the host's fingerprint and the tiers that hold on it.",
     "attest": "Write an in-toto statement about a build or a verification.",
