@@ -89,7 +89,10 @@ def _square(site: Site, half: tuple[float, float], trees: int) -> None:
             if min(x1 - x0, y1 - y0) < 4.4 or (abs(x) < 1.0 and abs(y) < 1.0):
                 continue
             ring = min(i, j, len(columns) - 2 - i, len(lanes) - 2 - j)
-            _cell(site, f"{i}.{j}", Pose(x=x, y=y, z=KERB), ring, trees)
+            middle = Pose(x=x, y=y, z=KERB)
+            if _cell(site, f"{i}.{j}", middle, ring, trees) and (i + j) % 2 == 0:
+                lamp = beside(middle, 0.0, -0.8)
+                site.add(f"lamp.cell.{i}.{j}", "lamp", lamp, (0.16, 0.16, 4.6), arm=0.9)
 
 
 def _rim(site: Site, yaw: int, reach: float, length: float, trees: int) -> None:
@@ -106,8 +109,8 @@ def _rim(site: Site, yaw: int, reach: float, length: float, trees: int) -> None:
             site.add(f"bollard.square.{yaw}.{n}", "bollard", beside(edge, -0.5, at), (0.2, 0.2, 0.9))
 
 
-def _cell(site: Site, name: str, middle: Pose, ring: int, trees: int) -> None:
-    """Add the elements of one lattice cell, at least 1.4 m from its lines.
+def _cell(site: Site, name: str, middle: Pose, ring: int, trees: int) -> bool:
+    """Add the elements of one lattice cell, at least 1.4 m from its lines; return whether there is room for a lamp.
 
     Args:
         site: the elements are added to it.
@@ -122,7 +125,8 @@ def _cell(site: Site, name: str, middle: Pose, ring: int, trees: int) -> None:
     if draw < (0.55 if ring == 0 else 0.3) * trees / 100:
         site.tree(f"tree.cell.{name}", toward, 7.0, (0, 0, 2))
         site.add(f"bench.cell.{name}", "bench", beside(toward, 1.1, 0.0), (0.5, 1.6, 0.85))
-    elif draw < 0.62:
+        return False
+    if draw < 0.62:
         site.keyed(f"planter.cell.{name}", "planter", toward, (1.2, 1.2, 0.9))
         for n, out in enumerate((1.15, -1.15)):
             if stream.unit() < 0.7:
@@ -130,11 +134,14 @@ def _cell(site: Site, name: str, middle: Pose, ring: int, trees: int) -> None:
                 site.add(f"bench.cell.{name}.{n}", "bench", bench, (0.5, 1.6, 0.85))
     elif draw < 0.68 and ring == 0:
         site.keyed(f"kiosk.cell.{name}", "kiosk", toward, (2.5, 3.0, 2.8))
+        return False
     elif draw < 0.74:
         site.keyed(f"statue.cell.{name}", "statue", toward, (2.0, 2.0, 4.5))
+        return False
     elif draw < 0.85:
         site.add(f"bench.cell.{name}", "bench", toward, (0.5, 1.6, 0.85))
         site.add(f"bin.cell.{name}", "bin", beside(toward, 0.0, 1.25), (0.42, 0.42, 0.95))
+    return True
 
 
 def _on_square(half: tuple[float, float]) -> Iterator[SpawnPoint]:
