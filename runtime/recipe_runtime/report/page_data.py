@@ -115,7 +115,7 @@ class Paths:
             with io.TextIOWrapper(file, "utf-8", newline="") as text:
                 rows = csv.reader(text, strict=True)
                 columns = {name: number for number, name in enumerate(next(rows))}
-                order = [columns[key] for key in "frame,actor,instance,present,x,y,yaw".split(",")]
+                order = [columns[key] for key in ["frame", "actor", "instance", "present", "x", "y", "yaw"]]
                 size = [columns[key] for key in ("length", "width")]
                 now, found = 0, list[object]()
                 for row in rows:
