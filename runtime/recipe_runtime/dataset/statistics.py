@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.records import LabelledFrame, LabelRecord
+from recipe_runtime.core import layout
+from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.dataset.schedule import View, simulations, views
 
 MAX_EXAMPLES = 4  # places that are kept for a class and a bin, each of another actor
@@ -103,13 +106,35 @@ class LabelStatistics:
         }
 
 
-def label_statistics(dataset: DatasetPlan, labels: Callable[[View], Iterable[LabelledFrame]]) -> LabelStatistics:
-    """Return the statistics of all labels; `labels` returns those of a view, which its variants share."""
+def label_statistics(dataset: DatasetPlan, labels_of: Callable[[View], Iterable[LabelledFrame]]) -> LabelStatistics:
+    """Return the statistics of all labels; `labels_of` returns those of a view, which its variants share."""
     found = LabelStatistics()
     for number, view in enumerate(views(dataset)):
-        for frame in labels(view):
+        for frame in labels_of(view):
             found.add(number, view, frame)
     return found
+
+
+def dataset_statistics(dataset: Dataset) -> dict[str, object]:
+    """Return the numbers of a dataset folder, as plain JSON: those of its plan, and those of its labels.
+
+    Raises:
+        InputError: Its labels are missing or damaged.
+    """
+
+    def of(view: View) -> Iterator[LabelledFrame]:
+        variant = dataset.plan.variants[view.variants[0]]
+        try:
+            yield from labels(dataset, variant, view.sensor)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{dataset.name}: {layout.labels_file(variant.variant, view.sensor.name)}: {error}",
+                help="repair the dataset: build it again with --repair",
+                code=Code.INVALID_DATASET,
+            ) from None
+
+    found = label_statistics(dataset.plan, of)
+    return {"identity": dataset.lock.identity, **plan_statistics(dataset.plan), "labels": found.document()}
 
 
 def plan_statistics(dataset: DatasetPlan) -> dict[str, object]:

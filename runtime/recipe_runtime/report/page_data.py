@@ -21,7 +21,7 @@ from recipe_runtime.core import codecs, layout
 from recipe_runtime.core.documents import decode
 from recipe_runtime.dataset.schedule import View, simulations
 from recipe_runtime.modalities import declared
-from recipe_runtime.report.canvas import Box
+from recipe_runtime.report.canvas import Box, Canvas
 from recipe_runtime.report.town_ground import town_canvas
 
 _MAP_SIDE, _MAP_MARGIN, _MAP_EXTENT = 900, 12.0, 400.0  # pixels of the map's longer side; metres
@@ -147,6 +147,12 @@ class Paths:
 
 def ground(scene: Scene, paths: Paths, dataset: DatasetPlan) -> tuple[bytes, Box]:
     """Return a PNG of the town where actors and cameras are, and what it shows: x0, y0, x1, y1, metres."""
+    canvas = ground_canvas(scene, paths, dataset)
+    return codecs.png(np.asarray(canvas.finished()), level=6), canvas.box
+
+
+def ground_canvas(scene: Scene, paths: Paths, dataset: DatasetPlan) -> Canvas:
+    """Return a canvas with the town where actors and cameras are; `paths` has read all frames."""
     fixed = [
         (sensor.poses[0].x, sensor.poses[0].y)
         for variant in dataset.variants
@@ -164,7 +170,7 @@ def ground(scene: Scene, paths: Paths, dataset: DatasetPlan) -> tuple[bytes, Box
             low, high = max(low, middle - _MAP_EXTENT / 2), min(high, middle + _MAP_EXTENT / 2)
         ends.append((math.floor(low), math.ceil(high)))
     box = (float(ends[0][0]), float(ends[1][0]), float(ends[0][1]), float(ends[1][1]))
-    return codecs.png(np.asarray(town_canvas(scene.plan.town, box, _MAP_SIDE).finished()), level=6), box
+    return town_canvas(scene.plan.town, box, _MAP_SIDE)
 
 
 def overview(dataset: DatasetPlan, seen: Sequence[View], events: Sequence[int]) -> dict[str, object]:
