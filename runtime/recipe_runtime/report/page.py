@@ -73,7 +73,7 @@ def page_files(
         body = read_inside(root, layout.events_file(variant.variant), _LARGEST)
         if body not in events:
             events[body] = len(events)
-            yield _data(f"events-{events[body]}", page_data.events(body))
+            yield data_file(f"events-{events[body]}", page_data.events(body))
         yield from _patches(index, dataset, root)
     shared = [events[read_inside(root, layout.events_file(v.variant), _LARGEST)] for v in dataset.variants]
     document = page_data.overview(dataset, seen, shared) | {
@@ -88,7 +88,7 @@ def page_files(
             for name, counts in sorted(found.classes.items())
         },
     }
-    yield _data("index", document)
+    yield data_file("index", document)
 
 
 def _view(number: int, view: View, video: Video, found: LabelStatistics) -> Iterator[PageFile]:
@@ -102,12 +102,12 @@ def _view(number: int, view: View, video: Video, found: LabelStatistics) -> Iter
         counts.append(len(frame["objects"]))
         chunk.append(page_data.labels(frame))
         if len(chunk) == layout.PAGE_FRAMES:
-            yield _data(f"view-{number}-{place + 1 - layout.PAGE_FRAMES}", chunk)
+            yield data_file(f"view-{number}-{place + 1 - layout.PAGE_FRAMES}", chunk)
             chunk = []
     if chunk:
-        yield _data(f"view-{number}-{len(video.frames) - len(chunk)}", chunk)
+        yield data_file(f"view-{number}-{len(video.frames) - len(chunk)}", chunk)
     poses = poses[:1] if all(pose == poses[0] for pose in poses) else poses
-    yield _data(f"view-{number}", {"poses": poses, "counts": counts})
+    yield data_file(f"view-{number}", {"poses": poses, "counts": counts})
 
 
 def _scene(number: int, dataset: DatasetPlan, scene: page_data.Scene, root: Path) -> Iterator[PageFile]:
@@ -118,13 +118,13 @@ def _scene(number: int, dataset: DatasetPlan, scene: page_data.Scene, root: Path
         for frame in overview.read(file):
             chunk.append(frame)
             if len(chunk) == layout.PAGE_FRAMES:
-                yield _data(f"scene-{number}-{start}", chunk)
+                yield data_file(f"scene-{number}-{start}", chunk)
                 start, chunk = start + layout.PAGE_FRAMES, []
         if chunk:
-            yield _data(f"scene-{number}-{start}", chunk)
+            yield data_file(f"scene-{number}-{start}", chunk)
     picture, box = page_data.ground(scene, overview, dataset)
     yield f"{layout.PAGE_DATA}/scene-{number}.png", [picture]
-    yield _data(f"scene-{number}", {**overview.document(), "box": box})
+    yield data_file(f"scene-{number}", {**overview.document(), "box": box})
 
 
 def _patches(index: int, dataset: DatasetPlan, root: Path) -> Iterator[PageFile]:
@@ -137,10 +137,10 @@ def _patches(index: int, dataset: DatasetPlan, root: Path) -> Iterator[PageFile]
                 layout.patches_file(variant.variant, sensor.name, k) for k in frames[start : start + layout.PAGE_FRAMES]
             ]
             rows = [page_data.patches(read_inside(root, path, _LARGEST)) for path in paths]
-            yield _data(f"patches-{index}-{place}-{start}", rows)
+            yield data_file(f"patches-{index}-{place}-{start}", rows)
 
 
-def _data(key: str, value: Mapping[str, object] | Sequence[object]) -> PageFile:
+def data_file(key: str, value: Mapping[str, object] | Sequence[object]) -> PageFile:
     """Return a data file. The JSON is ASCII, and parsed as such: no key of it has a meaning in a script."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False).replace("\\", "\\\\").replace("'", "\\'")
     return f"{layout.PAGE_DATA}/{key}.js", [f"recipe.add(\"{key}\", '{text}');\n".encode()]
@@ -151,7 +151,7 @@ def is_data(script: bytes) -> bool:
     call = _CALL.fullmatch(script)
     if call is None or not script.isascii():
         return False
-    rest = call[1].replace(b"\\\\", b"_").replace(b"\\'", b"_")  # the escapes that `_data` writes
+    rest = call[1].replace(b"\\\\", b"_").replace(b"\\'", b"_")  # the escapes that `data_file` writes
     return b"'" not in rest and b"\\" not in rest
 
 

@@ -119,6 +119,7 @@ const page = {
     this.ahead(variant, view);
     if (this.state.tab === "grid") charts.grid((n, compare) => this.choose(n, compare));
     if (this.state.tab === "events") await this.listEvents();
+    this.drawn = turn; // for tests: everything of this turn is shown
   },
 
   async pane(which, variant, turn) {
