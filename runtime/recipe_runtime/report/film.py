@@ -32,8 +32,8 @@ class BirdsEye:
     def __init__(self, dataset: DatasetPlan, variant: ScenarioPlan, root: Path) -> None:
         paths = Paths(variant.scene.clock.frames)
         with open_inside(root, layout.tracks_file(variant.variant)) as file:
-            self._rows: list[Any] = list(paths.read(file))
-        self._actors: list[Any] = paths.actors
+            self._rows = list(paths.read(file))
+        self._actors = paths.actors
         self._canvas: Canvas = ground_canvas(Scene(variant.scene, variant.variant), paths, dataset)
         self._ground = self._canvas.finished()
 
@@ -49,7 +49,9 @@ class BirdsEye:
         for (_, instance, length, width), now in zip(self._actors, self._rows[labels["frame"]], strict=True):
             if now:
                 side = max(length * scale, _LEAST), max(width * scale, _LEAST * 0.7)
-                pen.polygon(_turned(self._canvas.pixel(now[:2]), now[2], side), fill=hue(instance), outline=_INK)
+                pen.polygon(
+                    _turned(self._canvas.pixel((now[0], now[1])), now[2], side), fill=hue(instance), outline=_INK
+                )
         return picture
 
 

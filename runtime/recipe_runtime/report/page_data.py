@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from recipe_compiler.ir.modalities import MODALITIES, form_of
@@ -46,7 +46,7 @@ def scenes(dataset: DatasetPlan) -> list[Scene]:
     return [Scene(scene, first[scene.digest]) for scene in simulations(dataset)]
 
 
-def short(value: Any, decimals: int = 3) -> Any:
+def short(value: object, decimals: int = 3) -> object:
     """Return a JSON value with fewer decimals."""
     if isinstance(value, float):
         rounded = round(value, decimals)
@@ -99,13 +99,13 @@ class Paths:
     """The actors of a scene and where they go, from its `tracks.csv`."""
 
     frames: int
-    actors: list[list[object]] = field(default_factory=list)  # name, instance, length, width
+    actors: list[tuple[str, int, float, float]] = field(default_factory=list)  # name, instance, length, width
     paths: list[list[list[float] | None]] = field(default_factory=list)  # by actor; None: outside of the scene
     low: list[float] = field(default_factory=lambda: [math.inf, math.inf])
     high: list[float] = field(default_factory=lambda: [-math.inf, -math.inf])
 
-    def read(self, file: BinaryIO) -> Iterator[list[object]]:
-        """Yield each frame: x, y and heading of every actor, 0 for one outside of the scene.
+    def read(self, file: BinaryIO) -> Iterator[list[list[float] | None]]:
+        """Yield each frame: x, y and heading, degrees, of every actor; None for one outside of the scene.
 
         Raises:
             ValueError: The file is damaged.
@@ -117,20 +117,21 @@ class Paths:
                 columns = {name: number for number, name in enumerate(next(rows))}
                 order = [columns[key] for key in ["frame", "actor", "instance", "present", "x", "y", "yaw"]]
                 size = [columns[key] for key in ("length", "width")]
-                now, found = 0, list[object]()
+                now, found = 0, list[list[float] | None]()
                 for row in rows:
                     frame, name, instance, present, x, y, yaw = (row[number] for number in order)
                     if int(frame) != now:
                         yield found
                         now, found = int(frame), []
                     if now == 0:
-                        self.actors.append([name, int(instance), *(round(float(row[n]), 2) for n in size)])
+                        length, width = (round(float(row[n]), 2) for n in size)
+                        self.actors.append((name, int(instance), length, width))
                         self.paths.append([])
                     point = [round(float(x), 2), round(float(y), 2)] if present == "1" else None
                     self._include(point)
                     if now % every == 0 or now == self.frames - 1:
                         self.paths[len(found)].append(point)
-                    found.append(0 if point is None else [*point, round(float(yaw), 1)])
+                    found.append(None if point is None else [*point, round(float(yaw), 1)])
                 yield found
         except (csv.Error, KeyError, IndexError, StopIteration) as error:
             raise ValueError(f"tracks.csv is damaged: {error}") from None
