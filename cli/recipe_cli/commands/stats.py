@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import click
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPES, LocalPath, compile_quietly, unpacks
 from recipe_cli.console import print_json, say, say_table
+
+Document: TypeAlias = dict[str, Any]
 
 
 @click.command("stats")
@@ -35,7 +37,7 @@ def command(recipe: Path, allow_large: bool, as_json: bool) -> None:
     _print(document)
 
 
-def _print(document: dict[str, Any]) -> None:
+def _print(document: Document) -> None:
     for name in ("variants", "scenes", "frames", "seconds", "pixels", "patches"):
         say(f"{name}: {document[name]:,}")
     for name in ("sensors", "towns"):
@@ -47,7 +49,7 @@ def _print(document: dict[str, Any]) -> None:
     say(document.get("identity") or f"plan sha256:{document['plan']}")
 
 
-def _print_labels(labels: dict[str, Any]) -> None:
+def _print_labels(labels: Document) -> None:
     from recipe_runtime.dataset.statistics import QUANTITIES
 
     frames, empty = labels["annotated_frames"], labels["empty_frames"]

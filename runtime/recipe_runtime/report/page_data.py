@@ -115,7 +115,8 @@ class Paths:
             with io.TextIOWrapper(file, "utf-8", newline="") as text:
                 rows = csv.reader(text, strict=True)
                 columns = {name: number for number, name in enumerate(next(rows))}
-                order = [columns[key] for key in ["frame", "actor", "instance", "present", "x", "y", "yaw"]]
+                order = [columns["frame"], columns["actor"], columns["instance"], columns["present"]]
+                order += [columns["x"], columns["y"], columns["yaw"]]
                 size = [columns[key] for key in ("length", "width")]
                 now, found = 0, list[list[float] | None]()
                 for row in rows:
