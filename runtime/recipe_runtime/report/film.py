@@ -105,7 +105,7 @@ def _av() -> Any:
     try:
         import av
     except ImportError:
-        remedy = "install it: pip install 'dataset-recipe[film]'; or write a .gif, which needs nothing"
+        remedy = "install it: pip install -e '.[film]'; or write a .gif, which needs nothing"
         raise InputError("MP4 needs the encoder PyAV, which is not installed", help=remedy) from None
     return av
 
