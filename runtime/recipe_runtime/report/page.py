@@ -32,7 +32,7 @@ from recipe_runtime.report import page_data
 
 _SITE = Path(__file__).parent / "site"
 _CALL = re.compile(rb"recipe\.add\(\"[a-z0-9-]+\", '([^\r\n]*)'\);\n")  # of JSON in ASCII
-_LARGEST = 1 << 30  # bytes of a data file
+_LARGEST = 1 << 28  # bytes of a data file
 
 PageFile = tuple[str, Iterable[bytes]]  # path in the dataset, and its pieces
 

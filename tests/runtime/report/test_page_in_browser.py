@@ -251,6 +251,30 @@ def test_objects_are_filtered_and_selected(browser: Any, plain: Path) -> None:
     tab.check()
 
 
+def test_a_part_is_enlarged_with_its_labels(browser: Any, plain: Path) -> None:
+    tab = Tab(browser, plain, "#frame=5&sensor=1")
+    x, y, w, h = tab.js("page.shownFrame.objects[0].bbox")
+    stage = tab.tab.locator("#stage")
+    box = stage.bounding_box()
+    place = {"x": (x + w / 2) / 64 * box["width"], "y": (y + h / 2) / 48 * box["height"]}
+    stage.dblclick(position=place)
+    tab.settle()
+    assert tab.js("page.zoom.by") == 2
+    at = f"{{clientX: {box['x'] + place['x']}, clientY: {box['y'] + place['y']}}}"
+    assert tab.js(f"page.objectAt({at}).instance") == tab.js("page.shownFrame.objects[0].instance")
+    assert tab.js("document.querySelector('#pane-a .over').style.transform").startswith("scale(2) translate(-")
+    before = tab.js("page.zoom.x")
+    tab.tab.mouse.move(box["x"] + 200, box["y"] + 100)
+    tab.tab.mouse.down()
+    tab.tab.mouse.move(box["x"] + 150, box["y"] + 100)
+    tab.tab.mouse.up()
+    tab.settle()
+    assert tab.js("page.zoom.x") > before
+    tab.press("-")
+    assert tab.js("page.zoom") == {"by": 1, "x": 0, "y": 0}
+    tab.check()
+
+
 def test_statistics_and_events_lead_to_their_frames(browser: Any, plain: Path) -> None:
     tab = Tab(browser, plain, "#tab=statistics")
     assert tab.tab.locator(".chart").count() == 5

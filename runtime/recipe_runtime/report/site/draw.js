@@ -109,10 +109,11 @@ const draw = {
     const dpr = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
     canvas.width = Math.max(1, Math.round(box.width * dpr));
     canvas.height = Math.max(1, Math.round(box.height * dpr));
-    const pen = canvas.getContext("2d"), scale = canvas.width / view.width / dpr;
-    pen.scale(canvas.width / view.width, canvas.height / view.height);
     if (!frame) return;
-    const { on, shown, selected, solid } = options, objects = frame.objects;
+    const { on, shown, selected, solid, zoom } = options, objects = frame.objects;
+    const pen = canvas.getContext("2d"), scale = (canvas.width / view.width / dpr) * zoom.by;
+    pen.scale((canvas.width / view.width) * zoom.by, (canvas.height / view.height) * zoom.by);
+    pen.translate(-zoom.x * view.width, -zoom.y * view.height);
     if (solid > 0) {
       pen.fillStyle = `rgb(0 0 0 / ${solid})`;
       pen.fillRect(0, 0, view.width, view.height);
