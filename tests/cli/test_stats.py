@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from recipe_compiler.ir.plan import CameraPlan
+from recipe_runtime.annotate.records import LabelledFrame
+from recipe_runtime.report.statistics import misfit
+
 from tests.cli.runner import run_here
 
 RECIPE = """\
@@ -41,10 +45,21 @@ def test_numbers_of_a_recipe_are_those_of_its_dataset(tmp_path: Path) -> None:
     assert after["labels"]["annotations"] == sum(len(row["objects"]) for row in rows) > 0
     text = run_here("stats", root, cwd=tmp_path).stdout
     assert f"annotations: {after['labels']['annotations']} in 18 frames" in text and after["identity"] in text
+    _check_misfit(rows, after["labels"]["classes"]["Pedestrian"]["histograms"]["misfit"])
     labels = next(root.glob("*/street/labels.jsonl"))
     labels.write_text(labels.read_text().replace('"area":', '"area":1'))
     damaged = run_here("stats", root, cwd=tmp_path)
     assert damaged.returncode == 2 and "labels.jsonl" in damaged.stderr
+
+
+def _check_misfit(rows: list[LabelledFrame], counts: list[int]) -> None:
+    """True labels agree with their 3-D boxes; one that is moved by its own width does not."""
+    assert counts[0] > 0 and sum(counts[1:]) == 0
+    item = max((item for row in rows for item in row["objects"]), key=lambda item: item["area"])
+    camera = CameraPlan(width=64, height=48, fov=90)
+    assert misfit(item, camera) == 0.0
+    x, y, w, h = item["bbox"]
+    assert misfit({**item, "bbox": [x + w, y, w, h]}, camera) > 0.3
 
 
 def test_what_is_neither_is_refused(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ def command(recipe: Path, allow_large: bool, as_json: bool) -> None:
     Of a RECIPE, those that follow from its plans are printed, before any work.
     """
     from recipe_runtime.dataset.reader import read
-    from recipe_runtime.dataset.statistics import dataset_statistics, plan_statistics
+    from recipe_runtime.report.statistics import dataset_statistics, plan_statistics
 
     if recipe.is_dir():
         document = dataset_statistics(read(recipe))
@@ -50,7 +50,7 @@ def _print(document: Document) -> None:
 
 
 def _print_labels(labels: Document) -> None:
-    from recipe_runtime.dataset.statistics import QUANTITIES
+    from recipe_runtime.report.statistics import QUANTITIES
 
     frames, empty = labels["annotated_frames"], labels["empty_frames"]
     say(f"annotations: {labels['annotations']:,} in {frames:,} frames, of which {empty:,} have none")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+from recipe_compiler.ir import optics
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.modalities import form_of
 from recipe_compiler.ir.plan import CameraPlan, ScenarioPlan, SensorPlan
@@ -117,7 +118,7 @@ class _Pen:
 
     def solid(self, box: Box3d, camera: CameraPlan, colour: Colour) -> None:
         """Draw a box in the sensor's frame; the front, where the actor looks, has a cross."""
-        places = [_pixel(corner, camera) for corner in _corners(box)]
+        places = box_pixels(box, camera)
         for a, b in _EDGES + _FRONT:
             first, second = places[a], places[b]
             if first and second:
@@ -130,6 +131,12 @@ class _Pen:
         self.pen.line([*corners, corners[0]], fill=_PATCH, width=2)
         for (x, y), fill in zip(corners, ("#ff4d4d", "#4dff6a", "#4da3ff", "#ffffff"), strict=True):
             self.pen.ellipse((x - 3, y - 3, x + 3, y + 3), fill=fill)
+
+
+def box_pixels(box: Box3d, camera: CameraPlan) -> list[tuple[float, float] | None]:
+    """Return the pixels of the corners of a box in the sensor's frame; None for those behind the camera."""
+    focal = optics.focal_length(camera)
+    return [_pixel(corner, camera, focal) for corner in _corners(box)]
 
 
 def _corners(box: Box3d) -> list[list[float]]:
@@ -145,15 +152,12 @@ def _corners(box: Box3d) -> list[list[float]]:
     return [[r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + c for r, c in zip(rows, box["centre"], strict=True)] for p in at]
 
 
-def _pixel(point: Sequence[float], camera: CameraPlan) -> tuple[float, float] | None:
+def _pixel(point: Sequence[float], camera: CameraPlan, focal: float) -> tuple[float, float] | None:
     """Return the pixel of a point in the sensor's frame (x forward, y left, z up); None if it is behind the camera."""
     x, y, z = point
     if x < _NEAR:
         return None
-    matrix = projection.intrinsics(camera)
-    return projection.distort(
-        camera, float(matrix[0, 2] - matrix[0, 0] * y / x), float(matrix[1, 2] - matrix[1, 1] * z / x)
-    )
+    return projection.distort(camera, camera.width / 2.0 - focal * y / x, camera.height / 2.0 - focal * z / x)
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from recipe_runtime.core import layout
 from recipe_runtime.core.files import open_inside, read_inside
 from recipe_runtime.dataset.card import commands
 from recipe_runtime.dataset.schedule import View, views
-from recipe_runtime.dataset.statistics import QUANTITIES, LabelStatistics, plan_statistics
 from recipe_runtime.report import page_data
+from recipe_runtime.report.statistics import QUANTITIES, LabelStatistics, plan_statistics
 
 _SITE = Path(__file__).parent / "site"
 _CALL = re.compile(rb"recipe\.add\(\"[a-z0-9-]+\", '([^\r\n]*)'\);\n")  # of JSON in ASCII

@@ -277,7 +277,7 @@ def test_a_part_is_enlarged_with_its_labels(browser: Any, plain: Path) -> None:
 
 def test_statistics_and_events_lead_to_their_frames(browser: Any, plain: Path) -> None:
     tab = Tab(browser, plain, "#tab=statistics")
-    assert tab.tab.locator(".chart").count() == 5
+    assert tab.tab.locator(".chart").count() == 6
     tab.tab.locator(".chart", has_text="visible pixels").locator(".column:not([aria-label$=': 0'])").last.click()
     tab.tab.locator("#examples button").first.click()
     tab.settle()

@@ -36,7 +36,7 @@ const charts = {
     const rest = Object.entries(quantities).map(([key, { title, unit }]) => {
       const bounds = statistics.bins[key];
       const bins = bounds.map((_, n) => classes.map(([name, c]) => [name, c.histograms[key][n]]));
-      const names = bounds.map((low, n) => (n + 1 < bounds.length || low === 1 ? "" : "≥") + (low >= 1000 ? `${low / 1000}k` : low));
+      const names = bounds.map((low, n) => (n + 1 < bounds.length || low === 1 ? "" : "≥") + (low >= 10000 ? `${low / 1000}k` : low));
       return this.chart(title + (unit && `, ${unit}`), names, bins, `${title} ${unit}`, (n) => {
         const places = classes.flatMap(([name]) => (examples[name] || []).filter(([q, bin]) => q === key && bin === n).flatMap(([, , p]) => p.map((place) => [name, place])));
         const high = n + 1 < bounds.length ? `${bounds[n]} to ${bounds[n + 1]}` : `${bounds[n]} and more`;
@@ -61,7 +61,7 @@ const charts = {
       column.addEventListener("click", () => chosen(n));
       return column;
     });
-    const top = make("span", {}, `at most ${most.toLocaleString("en")}`);
+    const top = make("span", {}, `up to ${most.toLocaleString("en")}`);
     return make("div", { className: "chart" },
       make("div", { className: "head" }, make("h2", {}, title), top),
       make("div", { className: "bars" }, ...columns),

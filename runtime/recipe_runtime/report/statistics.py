@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from recipe_compiler.ir.errors import Code, InputError
-from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plan import CameraPlan, DatasetPlan
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.records import LabelledFrame, LabelRecord
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.dataset.schedule import View, simulations, views
+from recipe_runtime.report.annotated import box_pixels
 
 MAX_EXAMPLES = 4  # places that are kept for a class and a bin, each of another actor
 
@@ -28,25 +29,46 @@ class Quantity:
     title: str
     unit: str
     bounds: tuple[float, ...]
-    value: Callable[[LabelRecord], float]
+    value: Callable[[LabelRecord, CameraPlan], float]
 
 
+def misfit(item: LabelRecord, camera: CameraPlan) -> float:
+    """Return the share of an object's boxes outside of its projected tight box, 0 in labels that agree.
+
+    Both follow from the same motion in different ways, so a box, a mask or a pose that is wrong is seen here. 0 for an
+    object of which a corner is behind the camera.
+    """
+    places = box_pixels(item["tight3d"], camera)
+    found = [place for place in places if place is not None]
+    if len(found) < len(places):
+        return 0.0
+    x0, x1 = min(x for x, _ in found) - _MARGIN, max(x for x, _ in found) + _MARGIN
+    y0, y1 = min(y for _, y in found) - _MARGIN, max(y for _, y in found) + _MARGIN
+    shares = []
+    for x, y, w, h in (item["bbox"], item["amodal_bbox"]):
+        wide, high = min(x + w, x1) - max(x, x0), min(y + h, y1) - max(y, y0)
+        shares.append(1.0 - max(wide, 0.0) * max(high, 0.0) / (w * h) if w * h > 0 else 0.0)
+    return max(shares)
+
+
+_MARGIN = 1.0  # pixels: labels are those of whole pixels
 _TENTHS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 QUANTITIES: dict[str, Quantity] = {
     "size": Quantity(
         "visible pixels",
         "px",
         (0.0, 10.0, 32.0, 100.0, 320.0, 1024.0, 3200.0, 9216.0, 32000.0, 100000.0),
-        lambda item: item["area"],
+        lambda item, _: item["area"],
     ),
     "distance": Quantity(
         "distance",
         "m",
         (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 200.0),
-        lambda item: item["distance"],
+        lambda item, _: item["distance"],
     ),
-    "visibility": Quantity("visible share", "", (*_TENTHS, 1.0), lambda item: item["visible_fraction"]),
-    "truncation": Quantity("share outside of the picture", "", _TENTHS, lambda item: item["truncation"]),
+    "visibility": Quantity("visible share", "", (*_TENTHS, 1.0), lambda item, _: item["visible_fraction"]),
+    "truncation": Quantity("share outside of the picture", "", _TENTHS, lambda item, _: item["truncation"]),
+    "misfit": Quantity("share of the box outside of its 3-D box", "", (0.0, 0.01, *_TENTHS[1:]), misfit),
 }
 
 
@@ -61,12 +83,12 @@ class ClassCounts:
     )
     examples: dict[tuple[str, int], list[Example]] = field(default_factory=dict)
 
-    def add(self, item: LabelRecord, place: Example, times: int) -> None:
+    def add(self, item: LabelRecord, camera: CameraPlan, place: Example, times: int) -> None:
         """Count an annotation that so many variants have."""
         self.annotations += times
         self.actors.add(item["instance"])
         for name, quantity in QUANTITIES.items():
-            number = max(bisect_right(quantity.bounds, quantity.value(item)) - 1, 0)
+            number = max(bisect_right(quantity.bounds, quantity.value(item, camera)) - 1, 0)
             self.counts[name][number] += times
             kept = self.examples.setdefault((name, number), [])
             if len(kept) < MAX_EXAMPLES and all(other[::2] != place[::2] for other in kept):
@@ -93,7 +115,7 @@ class LabelStatistics:
         for item in objects:
             name = CATEGORIES.get(item["instance"] // 1000, "other")
             place = (number, frame["frame"], item["instance"])
-            self.classes.setdefault(name, ClassCounts()).add(item, place, times)
+            self.classes.setdefault(name, ClassCounts()).add(item, view.sensor.camera, place, times)
 
     def document(self) -> dict[str, object]:
         """Return plain JSON: counts by class and bin."""
