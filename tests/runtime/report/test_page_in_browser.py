@@ -18,7 +18,7 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.annotate.masks import unpacked
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.loading import opened
-from recipe_runtime.report.page import site
+from recipe_runtime.report.page import faults, site
 
 from tests.runtime.fakes import dataset_plan
 from tests.runtime.transfer.conftest import RECIPE, made
@@ -332,6 +332,24 @@ def test_names_are_text(browser: Any, hostile: Path) -> None:
     assert tab.js("document.querySelectorAll('img[onerror], script:not([src^=\"page/\"])').length") == 0
     assert tab.js("page.broken") is None
     tab.check()
+
+
+def test_data_cannot_name_a_script_elsewhere(browser: Any, plain: Path, tmp_path: Path) -> None:
+    """`recipe view` checks the scripts in preview/data; data that name another one must not have it loaded."""
+    shutil.copytree(plain, tmp_path / "tiny")
+    (tmp_path / "tiny" / "plans" / "evil.js").write_text("page.broken = 1;")
+    index = tmp_path / "tiny" / "preview" / "data" / "index.js"
+    text = index.read_text()
+    index.write_text(text.replace('"events":0', '"events":"x/../../../plans/evil"'))
+    assert index.read_text() != text and faults(tmp_path / "tiny") == []
+    page = browser.new_page()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto((tmp_path / "tiny" / "preview" / "index.html").as_uri())
+    page.wait_for_timeout(500)
+    assert page.evaluate("page.broken") is None and not [url for url in asked if "evil" in url]
+    assert page.is_visible("#notice")
+    page.close()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

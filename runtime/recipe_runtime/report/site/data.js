@@ -9,6 +9,7 @@ const recipe = {
   },
   /** Returns a promise of the data of a key; a data file is a script that calls `recipe.add`. */
   load(key) {
+    if (!/^[a-z]+(-\d+)*$/.test(key)) return Promise.reject(new Error("a data file has another name")); // data name others
     if (!this.waiting.has(key)) {
       this.waiting.set(key, new Promise((done, failed) => {
         const script = document.createElement("script");

@@ -138,7 +138,7 @@ const draw = {
     }
     if (on.solids && object.box3d) this.solid(pen, object.box3d, view);
     if (on.boxes || selected) pen.strokeRect(x, y, w, h);
-    if (on.keypoints && Array.isArray(object.keypoints)) this.points(pen, object.keypoints, scale, colour);
+    if (on.keypoints && Array.isArray(object.keypoints)) this.points(pen, object.keypoints.flat(), scale, colour);
     if ((on.ids && h * scale > 14) || selected) this.label(pen, page.title(object), x, y, colour, scale);
   },
 
