@@ -51,8 +51,8 @@ function make(name, properties = {}, ...children) {
   return element;
 }
 
-/** Returns the address of a file of the dataset, from its parts; names are encoded. */
-const address = (...parts) => ["..", ...parts.map(encodeURIComponent)].join("/");
+/** Returns the address of a file of the dataset, from its parts; names are encoded, and none leads out of it. */
+const address = (...parts) => ["..", ...parts.map((part) => (/^\.*$/.test(part) ? "_" : encodeURIComponent(part)))].join("/");
 
 /** Returns the colour of an object, the same in all frames and sensors: red, green, blue. */
 function colourOf(instance) {
