@@ -7,9 +7,11 @@ import shutil
 import webbrowser
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from PIL import Image
+from recipe_cli.main import recipe as cli
 from recipe_runtime.build.pipeline import BuildOptions, build
 
 from tests.cli.runner import run_here
@@ -92,6 +94,16 @@ def test_a_film_is_an_mp4_of_the_right_rate(root: Path, tmp_path: Path) -> None:
     with av.open(str(tmp_path / "film.mp4")) as film:
         assert film.streams.video[0].average_rate == 10
         assert len(list(film.decode(video=0))) == 4
+
+
+def test_names_in_the_dataset_are_completed(root: Path) -> None:
+    command = cli.get_command(click.Context(cli), "view")
+    assert command is not None
+    context = click.Context(command)
+    context.args = [str(root)]
+    found = {p.name: [item.value for item in p.shell_complete(context, "")] for p in command.params}
+    assert found["sensor"] == ["side", "street"]
+    assert found["variant"][0] == "weather=w0,jitter=still" and "depth" in found["modality"]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.ir.modalities import MODALITIES
 
+from recipe_cli import completion
 from recipe_cli.arguments import JSON, REPLACE, VARIANT, LocalPath, output_option, writing
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
@@ -23,9 +24,14 @@ _MAX_FRAMES = 100_000  # in a list of frames
 @click.command("view")
 @click.argument("dataset", type=LocalPath(path_type=Path))
 @VARIANT
-@click.option("--sensor", metavar="NAME", help="The sensor; the first by default.")
+@click.option("--sensor", metavar="NAME", shell_complete=completion.sensors, help="The sensor; the first by default.")
 @click.option("--frames", metavar="LIST", help="Frames such as 0,10-20; with -o FOLDER, write their pictures.")
-@click.option("--modality", metavar="NAME", help=f"{', '.join(MODALITIES)}; the sensor's first by default.")
+@click.option(
+    "--modality",
+    metavar="NAME",
+    shell_complete=completion.modalities,
+    help=f"{', '.join(MODALITIES)}; the sensor's first by default.",
+)
 @click.option(
     "--draw",
     metavar="LIST",
