@@ -190,7 +190,7 @@ class AnnotatedVideo:
             place = f"{self.variant.variant}, {self.sensor.name}"
             raise InputError(
                 f"{self.dataset.name}: {place}: a file is missing or damaged ({error})",
-                help="repair the dataset: build it again with --repair",
+                help="repair the dataset",
                 code=Code.INVALID_DATASET,
             ) from None
 

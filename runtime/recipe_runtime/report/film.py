@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 
 from recipe_runtime.annotate.records import LabelledFrame
@@ -105,8 +105,8 @@ def _av() -> Any:
     try:
         import av
     except ImportError:
-        remedy = "install it: pip install -e '.[film]'; or write a .gif, which needs nothing"
-        raise InputError("MP4 needs the encoder PyAV, which is not installed", help=remedy) from None
+        remedy = "install it: pip install 'av>=14'; or write a .gif, which does not need it"
+        raise InputError("PyAV, which encodes MP4, is not installed", help=remedy, code=Code.MISSING_LIBRARY) from None
     return av
 
 

@@ -151,7 +151,7 @@ def dataset_statistics(dataset: Dataset) -> dict[str, object]:
         except (OSError, ValueError) as error:
             raise InputError(
                 f"{dataset.name}: {layout.labels_file(variant.variant, view.sensor.name)}: {error}",
-                help="repair the dataset: build it again with --repair",
+                help="repair the dataset",
                 code=Code.INVALID_DATASET,
             ) from None
 
