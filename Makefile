@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-gpu fuzz bench bench-long bench-estimates presets gallery tables paper attack-study attack-goals evidence-pictures lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-browser test-gpu fuzz bench bench-long bench-estimates presets gallery tables paper attack-study attack-goals evidence-pictures lock verify golden requirements clean test-ray bench-ray
 
 # The tests start about a hundred processes; each starts half a second sooner if compiled modules are kept.
 unexport PYTHONDONTWRITEBYTECODE
@@ -71,7 +71,7 @@ python-fits:
 	  exit 2; fi
 
 test-quick: install-dev  ## tests of every package that take less than about 0.1 s of CPU each
-	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval and not detector"
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval and not detector and not browser"
 
 test-cpus: install-dev  ## equal bytes on emulated CPUs (slow; needs qemu-user)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
@@ -105,6 +105,10 @@ test-detector: install-dev  ## the attack study's detectors, compared with Tenso
 test-trackeval: install-dev  ## TrackEval's scores of exported layouts (installs TrackEval)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'trackeval==1.3.0' 'tabulate==0.10.0'
 	$(BIN)/python -m pytest -q -m trackeval
+
+test-browser: install-dev  ## the page of datasets in headless Chromium (installs playwright; needs Debian's chromium)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'playwright==1.65.2'
+	$(BIN)/python -m pytest -q -m browser -rs
 
 fuzz: install-dev  ## fuzz every loader of untrusted files, guided by coverage (FUZZ_SECONDS=60 per loader; installs atheris)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'atheris==3.0.0'

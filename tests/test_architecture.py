@@ -23,6 +23,7 @@ DOORS = {
     "PIL": {"recipe_compiler/ir/assets/png.py", "recipe_runtime/report/", "recipe_runtime/modalities/reading.py"},
     "msgspec": {"recipe_runtime/core/documents.py", "recipe_runtime/dataset/plan_reader.py"},
     "fsspec": {"recipe_runtime/transfer/stores.py"},
+    "av": {"recipe_runtime/report/film.py"},
     "ray": {"recipe_runtime/build/ray.py"},
     "torch": {"recipe_runtime/torch/"},
     "multiprocessing": {"recipe_runtime/build/local.py"},

@@ -11,6 +11,7 @@ import re
 import shlex
 import shutil
 import textwrap
+import webbrowser
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,6 +138,7 @@ WITH_PYTORCH = [page for page in PAGES if any(example.optional for example in ex
 def test_the_examples_of_a_page_run_as_they_stand(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Regression: 6 of 46 stopped, at names that no line defined and files that no line wrote."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(webbrowser, "open", lambda url: True)
     run_page(page, tmp_path, optional=False)
 
 

@@ -78,7 +78,7 @@ def _print_result(outcome: Outcome, compiled: Compiled) -> None:
         say(f"{out}: exists, and every file has the bytes that its manifest lists")
     else:
         say(f"{out}: exists (sizes checked; `recipe verify {out}` checks bytes, --repair repairs it)")
-    say(f"look at {out / 'preview' / 'contact_sheet.png'}")
+    say(f"look at {out / 'preview' / 'index.html'}")
     say(result.identity)
 
 

@@ -84,13 +84,19 @@ def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
 
 
 def _outline(context: click.Context) -> Outline:
-    """Return the names in the recipe on the command line; empty if it is invalid, since completion shows no errors."""
+    """Return the names in the recipe or dataset on the command line.
+
+    Empty if it is invalid, since completion shows no errors.
+    """
     from recipe_compiler.checks.outline import Outline, outline
 
     from recipe_cli.arguments import opened
 
     # Click stops at the option that is completed and leaves the arguments before it as they are.
-    words = [context.params.get("recipe"), *context.args]
+    words = [context.params.get("recipe"), context.params.get("dataset"), *context.args]
+    folder = next((Path(word) for word in words if word is not None and Path(word).is_dir()), None)
+    if folder is not None:
+        return _outline_of_dataset(folder)
     path = next((str(word) for word in words if word is not None and str(word).endswith(SUFFIXES)), None)
     if path is None:
         return Outline()
@@ -99,3 +105,15 @@ def _outline(context: click.Context) -> Outline:
             return outline(recipe)
     except Exception:
         return Outline()
+
+
+def _outline_of_dataset(folder: Path) -> Outline:
+    from recipe_compiler.checks.outline import Outline
+    from recipe_runtime.dataset import manifest_reader
+
+    try:
+        manifest = manifest_reader.read(folder)
+    except (OSError, ValueError):
+        return Outline()
+    sensors = (name for row in manifest["variants"].values() for name in row["frames"])
+    return Outline(tuple(manifest["order"]), tuple(dict.fromkeys(sensors)))

@@ -28,6 +28,8 @@ COMMANDS = {
     "shot": "Render one frame, to look at.",
     "why": "Say where a pixel of a frame comes from.",
     "build": "Build the dataset.",
+    "view": "Look at a dataset: its page, annotated pictures, films.",
+    "stats": "Print the numbers of a dataset or a recipe.",
     "lock": "Write the lockfile: a digest for every frame.",
     "verify": "Re-render sample frames and compare them, byte for byte.",
     "validate": "Check that the files of a dataset agree with each other.",

@@ -22,6 +22,7 @@ from recipe_runtime.dataset.schedule import simulations, views
 from recipe_runtime.dataset.text_files import Text, annotation_texts, closing_texts, labels_text, with_labels
 from recipe_runtime.dataset.tracks import tracks_csv
 from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
+from recipe_runtime.report.page import page_files
 
 Task = Callable[[], dict[str, FileRow]]
 
@@ -60,7 +61,7 @@ class Finisher:
         known = self.dataset, self.identity, self.videos
         annotate: list[Task] = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._motion(trace)]
         place = layout.recipe_file(self.dataset.recipe) if self.sources else None
-        rest = [*self._texts(closing_texts(*known, place)), *self._sheets(), self._recipe]
+        rest = [*self._texts(closing_texts(*known, place)), *self._sheets(), self._recipe, lambda: self._page(place)]
         for stage, tasks in (("annotate", annotate), ("finish", rest)):
             self.progress(stage, 0, len(tasks))
             for done, task in enumerate(tasks, start=1):
@@ -115,6 +116,11 @@ class Finisher:
         """Write the pack of the recipe."""
         name = self.dataset.recipe
         return self._write(layout.recipe_file(name), self.sources.pack(name, self.identity)) if self.sources else {}
+
+    def _page(self, place: str | None) -> dict[str, FileRow]:
+        """Write the page, from files that are written; `place` is that of the recipe's pack."""
+        known = self.dataset, self.identity, self.videos, self.work.dataset
+        return {path: self.work.write_pieces(path, pieces) for path, pieces in page_files(*known, place)}
 
     def _sheets(self) -> Iterator[Task]:
         title = self.dataset.recipe

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from recipe_compiler.ir.errors import InputError
@@ -16,6 +17,10 @@ MOTS_SEQUENCES = f"mots/{MOTS_SPLIT}"
 MOTS_SEQMAP = f"mots/seqmaps/{MOTS_SPLIT}.txt"
 CONTACT_SHEET = "preview/contact_sheet.png"
 OVERLAY_SHEET = "preview/overlay_sheet.png"
+PAGE = "preview/index.html"
+PAGE_DATA = "preview/data"
+PAGE_FRAMES = 32  # of a data file of the page
+_OF_PAGE = re.compile(r"preview/(page|data)/[a-z0-9-]{1,100}\.(css|js|png)")
 
 
 def folder(variant: str) -> str:
@@ -100,14 +105,24 @@ def label_copies(plan: DatasetPlan, variant: str, sensor: SensorPlan, frame: int
     return files
 
 
+def page_file(name: str) -> str:
+    """Return a static file of the page, beside `PAGE`."""
+    return f"preview/page/{name}"
+
+
+def is_of_page(path: str) -> bool:
+    """Return whether a path can be a file of the page, besides `PAGE`; their number is not part of the plan."""
+    return _OF_PAGE.fullmatch(path) is not None
+
+
 def recipe_file(name: str) -> str:
     """Return the pack of the recipe of that name."""
     return f"{name}.recipe"
 
 
 def expected_files(plan: DatasetPlan) -> set[str]:
-    """The path of every file of a plan's dataset: no more and no fewer are in it, but for the recipe."""
-    files = {MANIFEST, CARD, CONTACT_SHEET, OVERLAY_SHEET}
+    """The path of every file of a plan's dataset: no more and no fewer are in it, but for the recipe and the page."""
+    files = {MANIFEST, CARD, CONTACT_SHEET, OVERLAY_SHEET, PAGE}
     files |= {KWCOCO} if "kwcoco" in plan.annotations else set()
     files |= {coco_file("rgb")} if "coco" in plan.annotations else set()
     files |= {MOTS_SEQMAP} if "mots_txt" in plan.annotations else set()

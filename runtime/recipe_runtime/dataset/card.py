@@ -36,14 +36,19 @@ def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_fi
 
 def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
     """Return the commands that build the dataset again, with arguments quoted for the shell."""
-    recipe, again = shlex.quote(recipe_file or f"{dataset.recipe}.yaml"), shlex.quote(f"../{dataset.recipe}-again")
     return [
         "## How to rebuild it",
         "This dataset was built from a recipe by Dataset Recipe (`manifest.json` names the version). The same version "
         "verifies it, and builds it again from the recipe alone, byte for byte:",
-        f"    recipe verify .\n    recipe build {recipe} --output {again}",
+        "\n".join(f"    {line}" for line in commands(dataset, recipe_file)),
         *([f"`{recipe_file}` is a pack of the recipe and every file that it uses."] if recipe_file else []),
     ]
+
+
+def commands(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
+    """Return the commands that verify the dataset in the current folder and build it again, quoted for the shell."""
+    recipe, again = shlex.quote(recipe_file or f"{dataset.recipe}.yaml"), shlex.quote(f"../{dataset.recipe}-again")
+    return ["recipe verify .", f"recipe build {recipe} --output {again}"]
 
 
 def _counts(videos: Sequence[Video]) -> str:

@@ -121,14 +121,16 @@ def row_count(dataset: DatasetPlan) -> int:
 
 
 def file_count(dataset: DatasetPlan) -> int:
-    """Return an upper bound of the number of files of the plan's dataset, at most a dozen too high."""
-    total = 12
+    """Return an upper bound of the number of files of the plan's dataset, few of which a dataset may lack."""
+    total = 24  # the static files of the page, and what occurs once
     for variant in dataset.variants:
-        total += 3  # plan, tracks and events
+        clip = -(-variant.scene.clock.frames // layout.PAGE_FRAMES)
+        total += 3 + 3 + clip  # plan, tracks and events; of the page, at most: events, map, actors, their poses
         for sensor in variant.rig.sensors:
             frames = len(sensor.frames(variant.scene.clock.frames))
             copies = len(layout.label_copies(dataset, variant.variant, sensor, 0)) + bool(variant.appearance.patches)
             total += 3 + frames * (len(sensor.capture) + copies)  # labels, and two MOTS text files
+            total += 1 + 2 * -(-frames // layout.PAGE_FRAMES)  # of the page, at most: poses, labels, patches
     return total
 
 

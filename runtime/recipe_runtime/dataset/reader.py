@@ -172,6 +172,7 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
     """
     expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
     expected |= set() if dataset.recipe_file is None else {dataset.recipe_file}
+    expected |= {path for path in listed if layout.is_of_page(path)}
     folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)

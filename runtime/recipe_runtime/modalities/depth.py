@@ -12,11 +12,12 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.core import codecs
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.modalities.colormaps import logarithmic_grey
-from recipe_runtime.modalities.modality import Array, FileForm, Modality
+from recipe_runtime.modalities.modality import Array, FileForm, Modality, Screen
 
 NAME = "depth"
 _CARLA_FAR = 1000.0  # metres; CARLA's depth pictures end there
 _STEPS = float((1 << 24) - 1)
+_METRES = _CARLA_FAR / _STEPS  # of one step
 _NEAR, _FAR = 1.0, 200.0  # metres; range of the picture for people
 
 
@@ -91,6 +92,7 @@ MODALITY = Modality(
         "tif": FileForm("float32", "depth", _tiff, store=_float32),
     },
     picture=_picture,
+    screen=Screen("value", weights=(_METRES, 256 * _METRES, 65536 * _METRES), unit="m"),
     card=_card,
     seen=_seen,
 )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.modalities.modality import Array, FileForm, Modality
+from recipe_runtime.modalities.modality import Array, FileForm, Modality, Screen
 
 
 def _seen(observed: Observed) -> Array:
@@ -34,6 +34,7 @@ MODALITY = Modality(
     dtype="uint16",
     files={"png": FileForm("uint16", "instance")},
     picture=picture,
+    screen=Screen("masks"),
     card=_card,
     seen=_seen,
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,26 @@ class FileForm:
 
 
 @dataclass(frozen=True)
+class Screen:
+    """How a page colours the PNG files of a modality, which a browser reads with 8 bits a channel.
+
+    Attributes:
+        kind: `picture`: as it is; `palette`: its grey value is the index of a colour; `value`: its channels are parts
+            of a number, which a colour map shows; `masks`: the page draws the masks of the labels instead.
+        colours: Of a palette, red, green and blue, 0 to 255.
+        names: Of a palette's colours.
+        weights: Of a value: what 1 of red, green and blue, each 0 to 255, counts in `unit`.
+        unit: Of a value.
+    """
+
+    kind: Literal["picture", "palette", "value", "masks"] = "picture"
+    colours: Sequence[tuple[int, int, int]] = ()
+    names: Sequence[str] = ()
+    weights: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    unit: str = ""
+
+
+@dataclass(frozen=True)
 class Modality:
     """All that the runtime knows of a modality; `MODALITY` in its module.
 
@@ -62,6 +83,7 @@ class Modality:
         files: The forms of its files, by the endings of file names; those of the registry, and those of copies.
         picture: Array -> picture for people, uint8 [H, W, 3]. No digest covers it.
         channels: Values of a pixel. 1: its arrays are [H, W], otherwise [H, W, channels].
+        screen: How a page colours its PNG files.
         card: Dataset of which a sensor captures it -> line of the dataset's card, or nothing.
         seen: Observation -> array, of a label that every observation has.
         draw: Launches the kernels that compute a label which not every observation has. The arguments are
@@ -73,6 +95,7 @@ class Modality:
     files: Mapping[str, FileForm]
     picture: Callable[[Array], NDArray[np.uint8]]
     channels: int = 1
+    screen: Screen = Screen()
     card: Callable[[DatasetPlan], str] = _no_line
     seen: Callable[[Observed], Array] | None = None
     draw: Callable[..., None] | None = None

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.modalities.modality import Array, FileForm, Modality
+from recipe_runtime.modalities.modality import Array, FileForm, Modality, Screen
 
 # CARLA 0.9.14's palette, by tag (Docs/ref_sensors.md).
 _PALETTE = np.array(
@@ -41,6 +42,7 @@ MODALITY = Modality(
     dtype="uint8",
     files={"png": FileForm("uint8", "semantic")},
     picture=_picture,
+    screen=Screen("palette", tuple((r, g, b) for r, g, b in _PALETTE.tolist()), tuple(tag.label for tag in Tag)),
     card=_card,
     seen=_seen,
 )

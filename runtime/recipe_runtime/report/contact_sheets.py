@@ -15,10 +15,9 @@ from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import CameraPlan
 
-from recipe_runtime.annotate.categories import CATEGORIES
-from recipe_runtime.annotate.masks import unpacked
 from recipe_runtime.annotate.records import LabelRecord, Video
 from recipe_runtime.core import codecs
+from recipe_runtime.report.annotated import Size, overlay
 from recipe_runtime.report.difference import read_pixels
 
 _GROUND = (24, 26, 31)
@@ -27,8 +26,6 @@ _INK = (236, 238, 241)
 _CAPTION_INK = (196, 200, 207)
 _MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
 _MAX_CELLS = 96  # most cells on one sheet
-# Colours that are distinguishable for colour-blind people (Okabe and Ito, 2008), by track.
-_HUES = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (204, 121, 167))
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,6 @@ class Cell:
 
 
 T = TypeVar("T")
-Size = tuple[int, int]  # width, height
 Picture = Callable[[Video, int], Path]  # returns the file of a video's RGB picture at a frame
 
 
@@ -187,21 +183,5 @@ def _scaled(picture: Image.Image, size: Size) -> Image.Image:
 
 
 def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
-    """Return a picture with tinted masks, scaled, with boxes and names drawn at the sheet's resolution."""
-    pixels = np.asarray(picture).astype(np.int32)
-    height, width = pixels.shape[:2]
     objects: list[LabelRecord] = next(r["objects"] for r in cell.video.frames if r["frame"] == cell.frame)
-    hues = [_HUES[n % len(_HUES)] for n in range(len(objects))]
-    for item, hue in zip(objects, hues, strict=True):
-        inside = unpacked(item["counts"], width, height) > 0
-        pixels[inside] = (pixels[inside] + np.array(hue)) // 2
-    drawn = _scaled(Image.fromarray(pixels.astype(np.uint8)), size)
-    pen, font = ImageDraw.Draw(drawn), ImageFont.load_default(12)
-    for item, hue in zip(objects, hues, strict=True):
-        x, y, w, h = item["bbox"]
-        box = (x * size[0] // width, y * size[1] // height, (x + w) * size[0] // width, (y + h) * size[1] // height)
-        pen.rectangle(box, outline=hue)
-        if box[3] - box[1] >= 16:
-            text = f"{CATEGORIES[item['instance'] // 1000]} {item['instance'] % 1000}"
-            pen.text((box[0], box[1] - 3), text, fill=hue, font=font, anchor="ls", stroke_width=1, stroke_fill=_GROUND)
-    return drawn
+    return overlay(np.asarray(picture), objects, cell.video.sensor.camera, size, ("masks", "boxes", "ids"))

@@ -12,24 +12,33 @@ from math import ceil, floor
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import ActorPlan, Element, Pose, ScenarioPlan, SensorPlan, TownPlan
+from recipe_compiler.ir.plan import ActorPlan, Pose, ScenarioPlan, SensorPlan, TownPlan
 
 from recipe_runtime.core import codecs
 from recipe_runtime.report.canvas import Box, Canvas, Point, placed, rectangle
+from recipe_runtime.report.town_ground import (
+    ASPHALT,
+    BUILDING,
+    GREEN,
+    INK,
+    LANE,
+    MARK,
+    PAPER,
+    PATH,
+    THING,
+    WALK,
+    WALL,
+    stop_sign,
+    town_canvas,
+    traffic_light,
+)
 
 _MAX_SIDE, _MAX_EXTENT, _MARGIN = 1800, 320.0, 30.0  # longest side, pixels; largest extent, metres; margin, metres
 _GRID, _AXIS, _LEGEND = 10, 74, 350  # grid spacing, metres; width of the axes' labels and of the legend, pixels
-_INK, _PAPER, _GRID_LINE = "#1d2126", "#ffffff", "#9aa3ab"
-_GRASS, _WALK, _ASPHALT, _MARK, _PATH = "#dfe8d2", "#efe6d3", "#b4b8be", "#ffffff", "#d8ccb6"
-_BUILDING, _WALL, _GREEN, _THING = "#8f857b", "#5d544c", "#9dbb84", "#8a8f96"
-_LANE, _PARKING = "#5b636d", "#2d7f78"
+_GRID_LINE, _PARKING = "#9aa3ab", "#2d7f78"
 _VEHICLE, _PEDESTRIAN, _SENSOR = "#1f5fb0", "#c2571a", "#7a2a9b"
 _TRAFFIC = "#ffd23f"
 _CAST = ("#c01f3a", "#0a7d3c", "#0b63c9", "#a85b00", "#8a1f8f", "#00707a")
-_FRONTED = ("building", "house", "wall")  # elements with the origin in the middle of their front
-_THINGS = ("bench", "bicycles", "billboard", "board", "bollard", "bus_stop", "cafe", "delivery", "fountain", "kiosk",
-           "lamp", "letter_box", "planter", "statue")  # fmt: skip
-_LAMPS = ("#e03131", "#f2b01e", "#2fb344")  # of a traffic light, from the top
 
 
 @dataclass(frozen=True)
@@ -49,11 +58,7 @@ def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | 
     """
     cast = [a for a in scenario.scene.actors if not a.name.startswith("traffic.")] if scenario else []
     box, part = _shown(spots, scenario, cast)
-    canvas = Canvas(box, _MAX_SIDE / max(box[2] - box[0], box[3] - box[1]), _GRASS)
-    for kinds, draw in _LAYERS:
-        for element in town.elements:
-            if element.kind in kinds:
-                draw(canvas, element)
+    canvas = town_canvas(town, box, _MAX_SIDE)
     _grid(canvas)
     _spots(canvas, spots)
     if scenario:
@@ -86,133 +91,6 @@ def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan
             low, high = start, start + length
         ends.append((floor(low / _GRID) * _GRID, ceil(high / _GRID) * _GRID))
     return (float(ends[0][0]), float(ends[1][0]), float(ends[0][1]), float(ends[1][1])), part
-
-
-# Elements of a town
-
-
-def _sidewalk(canvas: Canvas, e: Element) -> None:
-    x, y, walk = e.size[0] / 2, e.size[1] / 2, e.shape["walk"]
-    canvas.polygon(_rounded(e.pose, x, y, e.shape["radius"]), _WALK, _THING)
-    if not e.shape["paved"] and walk < min(x, y):
-        canvas.polygon(rectangle(e.pose, walk - x, x - walk, walk - y, y - walk), _GRASS)
-
-
-def _rounded(pose: Pose, x: float, y: float, radius: float) -> list[Point]:
-    points = []
-    for quarter, (sx, sy) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-        for k in range(6):
-            s, c = exact.sin_cos_deg(90.0 * quarter + 18.0 * k)
-            points.append((sx * (x - radius) + radius * c, sy * (y - radius) + radius * s))
-    return placed(pose, points)
-
-
-def _flat(colour: str, least: float = 0.0) -> Callable[[Canvas, Element], None]:
-    """Return a function that draws an element as its rectangle, at least `least` metres wide."""
-
-    def draw(canvas: Canvas, e: Element) -> None:
-        x, y = max(e.size[0], least) / 2, max(e.size[1], least) / 2
-        canvas.polygon(rectangle(e.pose, -x, x, -y, y), colour)
-
-    return draw
-
-
-def _road_marks(canvas: Canvas, e: Element) -> None:
-    """Draw centre line, parking bays, stop lines, and an arrow in each lane; traffic towards +x uses the lane at -y."""
-    half, side, bay = e.size[0] / 2, e.size[1] / 2, e.shape["bay"]
-    a, b, lane = e.shape["stop_a"] - half, half - e.shape["stop_b"], side - bay
-    for k in range(int((b - a) / 4.5) + 1):
-        canvas.line(placed(e.pose, [(a + 4.5 * k, 0.0), (min(a + 4.5 * k + 2.5, b), 0.0)]), _MARK, 2.0)
-    for x, sign, stop in ((a, 1, e.shape["stop_a"]), (b, -1, e.shape["stop_b"])):
-        if stop:
-            canvas.line(placed(e.pose, [(x, 0.0), (x, sign * lane)]), _MARK, 3.0)
-    low, high = e.shape["bay_from"], e.shape["bay_from"] + e.shape["bays"] * e.shape["bay_length"]
-    for sign in (1, -1) if e.shape["bays"] else ():
-        canvas.line(placed(e.pose, [(low, sign * lane), (high, sign * lane)]), _MARK)
-        for k in range(int(e.shape["bays"]) + 1):
-            x = low + k * e.shape["bay_length"]
-            canvas.line(placed(e.pose, [(x, sign * lane), (x, sign * side)]), _MARK)
-    _arrows(canvas, e.pose, (a, b), ((-lane / 2, 0.0), (lane / 2, 180.0)))
-
-
-def _carriageway_marks(canvas: Canvas, e: Element) -> None:
-    """Draw lines between lanes, and an arrow in each; traffic drives along +x, with the median on its left."""
-    half, side, lane, lanes = e.size[0] / 2, e.size[1] / 2, e.shape["lane"], int(e.shape["lanes"])
-    strip = e.size[1] - e.shape["shoulder"] - lanes * lane
-    for n in range(lanes + 1):
-        y = side - strip - n * lane
-        if n in (0, lanes):
-            canvas.line(placed(e.pose, [(-half, y), (half, y)]), _MARK, 2.0)
-        else:
-            for k in range(int(2 * half / 6.0)):
-                canvas.line(placed(e.pose, [(6.0 * k - half, y), (6.0 * k + 3.0 - half, y)]), _MARK, 1.5)
-    _arrows(canvas, e.pose, (-half, half), tuple((side - strip - (n + 0.5) * lane, 0.0) for n in range(lanes)))
-
-
-def _arrows(canvas: Canvas, pose: Pose, span: tuple[float, float], lanes: Sequence[tuple[float, float]]) -> None:
-    """Draw arrows about 12 m apart; `lanes` holds the offset along the pose's y and the heading relative to it."""
-    count = max(1, int((span[1] - span[0]) / 12.0))
-    for y, turn in lanes:
-        for k in range(count):
-            ((x, at),) = placed(pose, [(span[0] + (span[1] - span[0]) * (k + 0.5) / count, y)])
-            canvas.arrow(Pose(x=x, y=at, yaw=pose.yaw + turn), 3.4, _LANE)
-
-
-def _crossings(canvas: Canvas, e: Element) -> None:
-    for over, wide, turn in ((e.shape["over_x"], e.shape["wide_x"], 0.0), (e.shape["over_y"], e.shape["wide_y"], 90.0)):
-        pose, count = Pose(x=e.pose.x, y=e.pose.y, yaw=e.pose.yaw + turn), int(2 * wide)
-        for sign in (1, -1):
-            for k in range(count):
-                y = -wide + 2 * wide * (k + 0.5) / count
-                canvas.polygon(rectangle(pose, sign * over - 1.5, sign * over + 1.5, y - 0.25, y + 0.25), _MARK)
-
-
-def _building(canvas: Canvas, e: Element) -> None:
-    x0 = -e.size[0] if e.kind in _FRONTED else -e.size[0] / 2
-    corners = rectangle(e.pose, x0, x0 + e.size[0], -e.size[1] / 2, e.size[1] / 2)
-    canvas.polygon(corners, _BUILDING, _WALL, 1.5)
-
-
-def _barrier(canvas: Canvas, e: Element) -> None:
-    colour = _GREEN if e.kind == "hedge" else _WALL
-    canvas.line(
-        placed(e.pose, [(0.0, -e.size[1] / 2), (0.0, e.size[1] / 2)]), colour, max(2.0, e.size[0] * canvas.scale)
-    )
-
-
-def _plant(canvas: Canvas, e: Element) -> None:
-    canvas.disc((e.pose.x, e.pose.y), e.size[0] / 2, _GREEN)
-
-
-def _traffic_light(canvas: Canvas, pose: Pose) -> None:
-    canvas.polygon(rectangle(Pose(x=pose.x, y=pose.y), -0.6, 0.6, -1.5, 1.5), _INK)
-    for n, colour in enumerate(_LAMPS):
-        canvas.disc((pose.x, pose.y + 0.9 * (1 - n)), 0.38, colour)
-
-
-def _stop_sign(canvas: Canvas, pose: Pose) -> None:
-    canvas.disc((pose.x, pose.y), 0.9, _LAMPS[0], _PAPER, 1.5)
-
-
-def _sign(canvas: Canvas, e: Element) -> None:
-    if int(e.shape["face"]) == 0:  # see `library.towns.network.FACES`
-        _stop_sign(canvas, e.pose)
-
-
-_LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] = (
-    (("road", "junction", "carriageway"), _flat(_ASPHALT)),
-    (("sidewalk",), _sidewalk),
-    (("path", "parking"), _flat(_PATH)),
-    (("road",), _road_marks),
-    (("carriageway",), _carriageway_marks),
-    (("junction",), _crossings),
-    (("building", "house", "tower"), _building),
-    (("tree", "bush"), _plant),
-    (("wall", "fence", "hedge", "guardrail"), _barrier),
-    (_THINGS, _flat(_THING, 0.4)),
-    (("traffic_light",), lambda canvas, e: _traffic_light(canvas, e.pose)),
-    (("sign",), _sign),
-)
 
 
 # Actors, sensors and spawn points
@@ -257,16 +135,16 @@ def _traffic(canvas: Canvas, actor: ActorPlan) -> None:
 
 
 def _traffic_pedestrian(canvas: Canvas, pose: Pose) -> None:
-    canvas.disc((pose.x, pose.y), 0.8, _TRAFFIC, _INK, 1.5)
+    canvas.disc((pose.x, pose.y), 0.8, _TRAFFIC, INK, 1.5)
 
 
 def _traffic_vehicle(canvas: Canvas, pose: Pose) -> None:
     corners = [(2.4, 0.0), (1.2, 1.0), (-2.2, 1.0), (-2.2, -1.0), (1.2, -1.0)]
-    canvas.polygon(placed(pose, corners), _TRAFFIC, _INK, 1.5)
+    canvas.polygon(placed(pose, corners), _TRAFFIC, INK, 1.5)
 
 
 def _parked_car(canvas: Canvas, pose: Pose) -> None:
-    canvas.polygon(rectangle(pose, -2.0, 2.0, -0.8, 0.8), _PARKING, _INK, 1.0)
+    canvas.polygon(rectangle(pose, -2.0, 2.0, -0.8, 0.8), _PARKING, INK, 1.0)
 
 
 def _actor(canvas: Canvas, actor: ActorPlan, colour: str) -> None:
@@ -284,7 +162,7 @@ def _way(canvas: Canvas, way: Sequence[Point], colour: str) -> None:
         x, y = way[-1]
         for k in (1, -1):
             canvas.line([(x - 0.7, y - 0.7 * k), (x + 0.7, y + 0.7 * k)], colour, 2.5)
-    canvas.disc(way[0], 0.9, colour, _PAPER, 1.5)
+    canvas.disc(way[0], 0.9, colour, PAPER, 1.5)
 
 
 def _sensor(canvas: Canvas, sensor: SensorPlan, scenario: ScenarioPlan) -> None:
@@ -313,11 +191,11 @@ def _page(canvas: Canvas, title: str, cast: bool) -> Image.Image:
     picture = canvas.finished()
     left, top = _AXIS + 16, 64
     size = left + canvas.size[0] + 24 + _LEGEND, max(top + canvas.size[1] + _AXIS, 760)
-    page = Image.new("RGB", size, _PAPER)
+    page = Image.new("RGB", size, PAPER)
     page.paste(picture, (left, top))
     pen = ImageDraw.Draw(page)
-    pen.text((left + 40, 12), title, fill=_INK, font=ImageFont.load_default(30))
-    pen.rectangle((left - 1, top - 1, left + canvas.size[0], top + canvas.size[1]), outline=_INK)
+    pen.text((left + 40, 12), title, fill=INK, font=ImageFont.load_default(30))
+    pen.rectangle((left - 1, top - 1, left + canvas.size[0], top + canvas.size[1]), outline=INK)
     _axes(pen, canvas, (left, top))
     page.paste(_legend(canvas.scale, cast), (left + canvas.size[0] + 24, top))
     return page
@@ -330,14 +208,14 @@ def _axes(pen: ImageDraw.ImageDraw, canvas: Canvas, corner: tuple[int, int]) -> 
     (left, top), bottom = corner, corner[1] + canvas.size[1]
     for x in _multiples(x0, x1, step):
         at = left + canvas.pixel((x, y0))[0]
-        pen.line((at, bottom, at, bottom + 6), fill=_INK)
-        pen.text((at, bottom + 9), f"{x}", fill=_INK, font=font, anchor="ma")
+        pen.line((at, bottom, at, bottom + 6), fill=INK)
+        pen.text((at, bottom + 9), f"{x}", fill=INK, font=font, anchor="ma")
     for y in _multiples(y0, y1, step):
         at = top + canvas.pixel((x0, y))[1]
-        pen.line((left - 7, at, left - 1, at), fill=_INK)
-        pen.text((left - 10, at), f"{y}", fill=_INK, font=font, anchor="rm")
-    pen.text((left + canvas.size[0] / 2, bottom + 36), "x, metres", fill=_INK, font=font, anchor="ma")
-    pen.text((10, top - 34), "y, metres", fill=_INK, font=font)
+        pen.line((left - 7, at, left - 1, at), fill=INK)
+        pen.text((left - 10, at), f"{y}", fill=INK, font=font, anchor="rm")
+    pen.text((left + canvas.size[0] / 2, bottom + 36), "x, metres", fill=INK, font=font, anchor="ma")
+    pen.text((10, top - 34), "y, metres", fill=INK, font=font)
 
 
 def _legend(scale: float, cast: bool) -> Image.Image:
@@ -345,14 +223,14 @@ def _legend(scale: float, cast: bool) -> Image.Image:
     rows: list[tuple[str, Callable[[Canvas, Pose], None]]] = [
         ("lane, with its direction", _sample_lane),
         ("crossing", _sample_crossing),
-        ("sidewalk", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), _WALK, _THING)),
-        ("footpath, driveway", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), _PATH)),
-        ("building", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), _BUILDING, _WALL)),
-        ("wall, fence, guard rail", lambda c, p: c.line(placed(p, [(-3.0, 0.0), (3.0, 0.0)]), _WALL, 2.5)),
-        ("tree, hedge", lambda c, p: c.disc((p.x, p.y), 1.2, _GREEN)),
-        ("street furniture", lambda c, p: c.polygon(rectangle(p, -0.8, 0.8, -0.5, 0.5), _THING)),
-        ("traffic light", _traffic_light),
-        ("stop sign", _stop_sign),
+        ("sidewalk", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), WALK, THING)),
+        ("footpath, driveway", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), PATH)),
+        ("building", lambda c, p: c.polygon(rectangle(p, -3, 3, -1, 1), BUILDING, WALL)),
+        ("wall, fence, guard rail", lambda c, p: c.line(placed(p, [(-3.0, 0.0), (3.0, 0.0)]), WALL, 2.5)),
+        ("tree, hedge", lambda c, p: c.disc((p.x, p.y), 1.2, GREEN)),
+        ("street furniture", lambda c, p: c.polygon(rectangle(p, -0.8, 0.8, -0.5, 0.5), THING)),
+        ("traffic light", traffic_light),
+        ("stop sign", stop_sign),
         ("parking place", _parking_place),
         ("vehicle's spawn point", _vehicle_spot),
         ("pedestrian's spawn point", lambda c, p: c.disc((p.x, p.y), 0.5, _PEDESTRIAN)),
@@ -366,28 +244,28 @@ def _legend(scale: float, cast: bool) -> Image.Image:
             ("sensor and field of view", _sample_sensor),
         ]
     high, metre = 3.4, 10.0
-    canvas = Canvas((0.0, 0.0, _LEGEND / metre, high * (len(rows) + 1.5)), metre, _PAPER)
+    canvas = Canvas((0.0, 0.0, _LEGEND / metre, high * (len(rows) + 1.5)), metre, PAPER)
     for n, (_, draw) in enumerate(rows):
         draw(canvas, Pose(x=3.5, y=canvas.box[3] - high * (n + 0.7)))
     picture = canvas.finished()
     pen, font = ImageDraw.Draw(picture), ImageFont.load_default(19)
     for n, (words, _) in enumerate(rows):
-        pen.text((82, metre * high * (n + 0.7)), words, fill=_INK, font=font, anchor="lm")
+        pen.text((82, metre * high * (n + 0.7)), words, fill=INK, font=font, anchor="lm")
     y, wide = metre * high * (len(rows) + 0.8), (20 if 20 * scale < _LEGEND - 90 else 10) * scale
-    pen.line((8, y, 8 + wide, y), fill=_INK, width=3)
-    pen.text((18 + wide, y), f"{wide / scale:.0f} m", fill=_INK, font=font, anchor="lm")
+    pen.line((8, y, 8 + wide, y), fill=INK, width=3)
+    pen.text((18 + wide, y), f"{wide / scale:.0f} m", fill=INK, font=font, anchor="lm")
     return picture
 
 
 def _sample_lane(canvas: Canvas, pose: Pose) -> None:
-    canvas.polygon(rectangle(pose, -3.0, 3.0, -1.2, 1.2), _ASPHALT)
-    canvas.arrow(pose, 3.4, _LANE)
+    canvas.polygon(rectangle(pose, -3.0, 3.0, -1.2, 1.2), ASPHALT)
+    canvas.arrow(pose, 3.4, LANE)
 
 
 def _sample_crossing(canvas: Canvas, pose: Pose) -> None:
-    canvas.polygon(rectangle(pose, -3.0, 3.0, -1.2, 1.2), _ASPHALT)
+    canvas.polygon(rectangle(pose, -3.0, 3.0, -1.2, 1.2), ASPHALT)
     for k in range(6):
-        canvas.polygon(rectangle(pose, k - 2.75, k - 2.25, -1.2, 1.2), _MARK)
+        canvas.polygon(rectangle(pose, k - 2.75, k - 2.25, -1.2, 1.2), MARK)
 
 
 def _sample_actor(canvas: Canvas, pose: Pose) -> None:

@@ -112,6 +112,8 @@ def test_a_dataset_whose_manifest_has_another_plan_of_a_variant_is_built_again(
         "annotations/kwcoco.json",
         "README.md",
         "preview/contact_sheet.png",
+        "preview/index.html",
+        "preview/data/view-0-0.js",
         "mots/seqmaps/MOTS-train.txt",
     ],
 )

@@ -21,7 +21,7 @@ from recipe_runtime.annotate.mots import runs_fill
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import BuildOptions, build
 from recipe_runtime.core import layout
-from recipe_runtime.core.layout import expected_files
+from recipe_runtime.core.layout import expected_files, is_of_page
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset import reader as datasets
@@ -68,7 +68,9 @@ def differences(root: Path) -> list[str]:
 
 def test_a_built_dataset_is_intact(built: Path) -> None:
     assert damage(built) == differences(built) == []
-    assert {p.relative_to(built).as_posix() for p in built.rglob("*") if p.is_file()} == expected_files(PLAN)
+    paths = {p.relative_to(built).as_posix() for p in built.rglob("*") if p.is_file()}
+    assert {path for path in paths if not is_of_page(path)} == expected_files(PLAN)
+    assert paths - expected_files(PLAN) <= {*manifest_of(built)["pictures"]}
     assert is_whole(manifest_of(built), PLAN, built)
 
 
