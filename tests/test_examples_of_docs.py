@@ -32,7 +32,12 @@ OTHER_PROGRAMS = (
     "python",
     "_RECIPE_COMPLETE=fish_source",
 )  # minutes, shells
-ELSEWHERE = {"--ray": "make test-ray", "s3://bucket/weather_sweep": "make test-s3"}  # what needs a server
+# What needs a server or a git repository, and where it is tested.
+ELSEWHERE = {
+    "--ray": "make test-ray",
+    "s3://bucket/weather_sweep": "make test-s3",
+    "lockfiles/rain_bench.lock": "tests/runtime/lifecycle/test_history.py",
+}
 OPTIONAL = {"torch", "art"}
 SMALLER = (
     (r"width: \d+, height: \d+", "width: 32, height: 24"),

@@ -75,6 +75,7 @@ def command(first: Path, second: Path, output: Path | None, replace: bool, allow
 
 def _write_delta(first: Path, second: Path, output: Path, replace: bool, allow_large: bool, as_json: bool) -> None:
     from recipe_compiler.estimate import size
+    from recipe_compiler.ir.plurals import count
     from recipe_runtime.dataset import reader
     from recipe_runtime.lifecycle.delta import write_delta
 
@@ -85,7 +86,7 @@ def _write_delta(first: Path, second: Path, output: Path, replace: bool, allow_l
     if as_json:
         print_json({"folder": str(output), **delta, "files": len(delta["files"])})
         return
-    say(f"{output}: {len(delta['files']):,} files, {size(sum(delta['files'].values()))}")
+    say(f"{output}: {count(len(delta['files']), 'file')}, {size(sum(delta['files'].values()))}")
     say(f"from {delta['before']}")
     say(f"to   {delta['after']}")
 

@@ -98,7 +98,7 @@ def provenance(target: Target, builder: str) -> Statement:
     if dataset is None or dataset.recipe_file is None:
         raise InputError(
             "how a dataset was built is stated of a dataset that contains its recipe",
-            help="name the folder that `recipe build RECIPE` wrote, or give --report",
+            help="name the folder that `recipe build RECIPE` wrote, or state a verification",
         )
     pack = {"name": dataset.recipe_file, "digest": {"sha256": dataset.files[dataset.recipe_file][1]}}
     plans = [{"name": f"plan of {name}", "digest": {"sha256": d}} for name, d in sorted(dataset.plan_digests.items())]
@@ -125,7 +125,7 @@ def test_result(target: Target, report: VerifiedReport) -> Statement:
     if report["identity"] != target.lock.identity:
         raise InputError(
             f"the report is of {report['identity']}, and the target is {target.lock.identity}",
-            help="verify this target again: `recipe verify --json TARGET > report.json`",
+            help="verify this target again, and keep the report",
         )
     excused = {d["stage"] for d in report["differences"]}
     failed = {d["stage"] for d in report["differences"] if d["excuse"] is None}
@@ -155,7 +155,7 @@ def read_report(path: Path, identity: str) -> VerifiedReport:
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path} is not a report of a verification: {error}",
-            help="write one with `recipe verify --json TARGET > report.json`",
+            help="write one with `recipe verify`, as JSON",
         ) from None
     found = [report for report in reports if report["identity"] == identity]
     if not found:

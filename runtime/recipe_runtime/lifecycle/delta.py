@@ -115,7 +115,7 @@ def read_delta(folder: Path) -> Delta:
     except (OSError, ValueError) as error:
         raise InputError(
             f"{folder} is not a delta dataset: {error}",
-            help="name a folder that `recipe diff A B --output DELTA` wrote",
+            help="name a folder that `recipe diff` wrote",
             code=Code.INVALID_DATASET,
         ) from None
     return delta
