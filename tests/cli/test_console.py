@@ -291,7 +291,7 @@ def test_urls_are_masked_where_the_command_line_prints() -> None:
 
 @pytest.mark.slow
 def test_the_library_names_no_command_line_options() -> None:
-    """Its problems are also shown to users of Python; `diagnostics` adds options. A card may name options, and git has."""
+    """Users of Python see its problems too; `diagnostics` adds options. A card names options, and git has its own."""
     seen = 0
     for path, tree in (*modules("recipe_compiler"), *modules("recipe_runtime")):
         scopes = [node for node in walk(tree) if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))]
