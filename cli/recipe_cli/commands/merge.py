@@ -25,6 +25,7 @@ def command(dataset: Path, delta: Path, output: Path | None, replace: bool, allo
 
     The result equals the dataset that the delta was made of, to the byte. Every file is compared with its SHA-256.
     """
+    from recipe_compiler.ir.plurals import count
     from recipe_runtime.dataset import reader
     from recipe_runtime.lifecycle.delta import apply_delta
 
@@ -39,5 +40,5 @@ def command(dataset: Path, delta: Path, output: Path | None, replace: bool, allo
     if as_json:
         print_json({"folder": str(output), "identity": made.lock.identity, "files": len(made.files)})
         return
-    say(f"{output}: {len(made.files):,} files")
+    say(f"{output}: {count(len(made.files), 'file')}")
     say(made.lock.identity)

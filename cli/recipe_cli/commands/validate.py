@@ -40,5 +40,6 @@ def command(dataset: Path | str, allow_large: bool, as_json: bool) -> None:
             say(str(fault))
         if len(found) > _MAX_SHOWN:
             say(f"... and {len(found) - _MAX_SHOWN:,} more; --json lists all")
-        say(f"{shown(dataset)}: {count(len(found), 'fault') if found else f'no fault in {len(held.files):,} files'}")
+        whole = f"no fault in {count(len(held.files), 'file')}"
+        say(f"{shown(dataset)}: {count(len(found), 'fault') if found else whole}")
     raise click.exceptions.Exit(1 if found else 0)
