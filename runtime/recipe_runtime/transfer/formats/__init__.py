@@ -52,6 +52,7 @@ FORMATS: Mapping[str, FormatEntry] = {
     "kitti": FormatEntry("the layout of KITTI's tracking and MOTS benchmarks"),
     "armory": FormatEntry("the layouts of Armory's CARLA datasets, with one patch", (_PATCH,)),
     "yolo": FormatEntry("the layout on which Ultralytics' YOLO trains detectors", (_TASK, _CATEGORIES)),
+    "hf": FormatEntry("a folder that Hugging Face's `datasets` loads", (_CATEGORIES,)),
     "mot": FormatEntry("the layout of MOTChallenge, with boxes", (_CATEGORIES,)),
 }
 """All export formats by name, the default first."""
