@@ -13,6 +13,7 @@ MANIFEST = "manifest.json"
 CARD = "README.md"
 CROISSANT = "croissant.json"
 CITATION = "CITATION.cff"
+DESCRIPTIONS = (CARD, CROISSANT, CITATION)  # texts for people and catalogues, which may change with a release
 KWCOCO = "annotations/kwcoco.json"
 MOTS_SPLIT = "MOTS-train"
 MOTS_SEQUENCES = f"mots/{MOTS_SPLIT}"
