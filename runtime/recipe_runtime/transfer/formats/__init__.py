@@ -48,8 +48,8 @@ _PATCH = Option("patch", "NAME", "the patch to export; default: the first of eac
 
 FORMATS: Mapping[str, FormatEntry] = {
     "webdataset": FormatEntry("tar shards for training", (_SHARD_SIZE,)),
-    "mots": FormatEntry("the layout of MOTSChallenge, which TrackEval reads"),
-    "kitti": FormatEntry("the layout of KITTI's tracking and MOTS benchmarks"),
+    "mots": FormatEntry("the layout of MOTSChallenge, which TrackEval reads", (_CATEGORIES,)),
+    "kitti": FormatEntry("the layout of KITTI's tracking and MOTS benchmarks", (_CATEGORIES,)),
     "armory": FormatEntry("the layouts of Armory's CARLA datasets, with one patch", (_PATCH,)),
     "yolo": FormatEntry("the layout on which Ultralytics' YOLO trains detectors", (_TASK, _CATEGORIES)),
     "hf": FormatEntry("a folder that Hugging Face's `datasets` loads", (_CATEGORIES,)),

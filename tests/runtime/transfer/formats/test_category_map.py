@@ -86,3 +86,15 @@ def test_an_export_is_of_the_content_of_its_map(tiny: Dataset, tmp_path: Path) -
         export(tiny, tmp_path / "one", "yolo", quiet, options={"categories": str(other)})
     again = export(tiny, tmp_path / "one", "yolo", quiet, options={"categories": str(equal)})
     assert {row["file"]: row for row in again.rows} == {row["file"]: row for row in made[0].rows}
+
+
+@pytest.mark.slow
+def test_kitti_and_mots_take_the_map(tiny: Dataset, tmp_path: Path) -> None:
+    """Actors that it leaves out stay in the files as regions that are not counted."""
+    (tmp_path / "map.yaml").write_text("Truck: {id: 2, name: big truck}\n")
+    for name in ("kitti", "mots"):
+        export(tiny, tmp_path / name, name, quiet, options={"categories": str(tmp_path / "map.yaml")})
+    lines = [line.split() for line in (tmp_path / "kitti/training/label_02/0000.txt").read_text().splitlines()]
+    assert {(line[1], line[2]) for line in lines} == {("-1", "DontCare"), ("15001", "big_truck")}
+    masks = next((tmp_path / "mots/MOTS-train").glob("*/gt/gt.txt")).read_text().splitlines()
+    assert {tuple(line.split()[1:3]) for line in masks} == {("2001", "2"), ("10000", "10")}
