@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from recipe_compiler.ir.semantic_tags import Tag
@@ -126,7 +126,7 @@ def _sample(
     return sample
 
 
-def _detection(item: LabelRecord, label: str, width: int, height: int) -> Any:
+def _detection(item: LabelRecord, label: str, width: int, height: int) -> fiftyone.Detection:
     import fiftyone
 
     x, y, w, h = item["bbox"]
