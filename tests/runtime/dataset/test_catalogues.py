@@ -58,6 +58,7 @@ def test_croissant_has_what_neurips_requires() -> None:
     assert [row["name"] for row in found["creator"]] == [*ABOUT.authors]
 
 
+@pytest.mark.slow
 def test_what_a_recipe_states_changes_no_digest(tmp_path: Path) -> None:
     """Without it, annotation files, plans and card are as they were before these keys existed."""
     plain, stated = described(About()), described()
@@ -78,6 +79,7 @@ def test_what_a_recipe_states_changes_no_digest(tmp_path: Path) -> None:
     assert "Licence" not in (roots[0] / layout.CARD).read_text()
 
 
+@pytest.mark.slow
 def test_a_changed_description_is_found_and_built_again(tmp_path: Path) -> None:
     root = made(described(), tmp_path)
     assert not text_differences(read(root), {})
