@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-detector test-browser test-gpu fuzz bench bench-long bench-estimates presets gallery tables paper attack-study attack-goals evidence-pictures lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-readers test-fiftyone test-detector test-browser test-gpu fuzz bench bench-long bench-estimates presets gallery tables paper attack-study attack-goals evidence-pictures lock verify golden requirements clean test-ray bench-ray
 
 # The tests start about a hundred processes; each starts half a second sooner if compiled modules are kept.
 unexport PYTHONDONTWRITEBYTECODE
@@ -71,7 +71,7 @@ python-fits:
 	  exit 2; fi
 
 test-quick: install-dev  ## tests of every package that take less than about 0.1 s of CPU each
-	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval and not detector and not browser"
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak and not trackeval and not readers and not detector and not browser"
 
 test-cpus: install-dev  ## equal bytes on emulated CPUs (slow; needs qemu-user)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
@@ -109,6 +109,15 @@ test-trackeval: install-dev  ## TrackEval's scores of exported layouts (installs
 test-browser: install-dev  ## the page of datasets in headless Chromium (installs playwright; needs Debian's chromium)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'playwright==1.65.2'
 	$(BIN)/python -m pytest -q -m browser -rs
+
+test-readers: install-dev  ## datasets and exports read by mlcroissant and Hugging Face's datasets (installs both)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/readers.txt
+	$(BIN)/python -m pytest -q -m readers --ignore tests/runtime/test_fiftyone.py
+
+test-fiftyone: install-dev  ## a dataset in FiftyOne, on a database in memory (installs FiftyOne without its database)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --upgrade \
+	  --target $(VENV)/fiftyone -r requirements/fiftyone.txt
+	PYTHONPATH=$(VENV)/fiftyone $(BIN)/python -m pytest -q -m readers tests/runtime/test_fiftyone.py
 
 fuzz: install-dev  ## fuzz every loader of untrusted files, guided by coverage (FUZZ_SECONDS=60 per loader; installs atheris)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'atheris==3.0.0'
@@ -174,6 +183,12 @@ requirements: install-dev  ## renew the pinned requirements from pyproject.toml
 	    --python-version 3.10 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header \
 	    --quiet --output-file requirements/$$kind.txt; \
 	done
+	$(BIN)/uv pip compile requirements/readers.in --constraint requirements/dev.txt --universal --python-version 3.10 \
+	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header --quiet \
+	  --output-file requirements/readers.txt
+	$(BIN)/uv pip compile requirements/fiftyone.in --override requirements/fiftyone-override.in \
+	  --constraint requirements/run.txt --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
+	  --no-emit-find-links --no-annotate --no-header --quiet --output-file requirements/fiftyone.txt
 
 clean:  ## remove the virtual environment and the caches of tools
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist

@@ -25,6 +25,7 @@ DOORS = {
     "fsspec": {"recipe_runtime/transfer/stores.py"},
     "av": {"recipe_runtime/report/film.py"},
     "ray": {"recipe_runtime/build/ray.py"},
+    "fiftyone": {"recipe_runtime/fiftyone.py"},
     "torch": {"recipe_runtime/torch/"},
     "multiprocessing": {"recipe_runtime/build/local.py"},
 }

@@ -36,6 +36,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("loading",),
         ("torch", "webdataset", "__init__"),
         ("report", "transfer"),
+        ("fiftyone",),
         ("build",),
         ("verify",),
         ("lifecycle",),

@@ -34,6 +34,7 @@ ALSO = {
     "mots": ("recipe_runtime/core/layout.py",),  # a folder of datasets
     "instance": ("recipe_compiler/lowering/placement.py",),  # a random stream
     "normals": ("recipe_runtime/render/sampling/buffers.py", "recipe_runtime/render/scene/geometry.py"),  # of vertices
+    "mot": ("recipe_runtime/transfer/formats/armory.py",),  # carla_mot
     "armory": ("recipe_compiler/ir/patches/__init__.py",),  # a method of color transfer
 }
 CASES = [

@@ -128,6 +128,7 @@ def _compile(path: Path, sources: merge.Sources, allow_large: bool) -> Compiled:
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
+        about=recipe.about,
         variants=tuple(plans),
         annotations=recipe.output.annotations,
         forms=recipe.output.forms,

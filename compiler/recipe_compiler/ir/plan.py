@@ -27,6 +27,7 @@ from pydantic import (
 )
 
 from recipe_compiler.ir import modalities
+from recipe_compiler.ir.about import About
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.patches import Patches
@@ -344,6 +345,7 @@ class DatasetPlan(Plan):
 
     recipe: Name
     description: Annotated[str, Field(max_length=MAX_DESCRIPTION)]
+    about: About = About()
     variants: Annotated[tuple[ScenarioPlan, ...], Field(max_length=MAX_VARIANTS)]
     annotations: Annotated[tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...], Field(max_length=4)]
     forms: Annotated[dict[str, str], AfterValidator(modalities.checked)] = Field(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, create_model
 
+from recipe_compiler.ir.about import About
 from recipe_compiler.ir.modalities import CHOICES, Form
 from recipe_compiler.ir.patches import MAX_PATCHES
 from recipe_compiler.ir.plan_types import MAX_SENSORS
@@ -86,6 +87,9 @@ class Recipe(Model):
 
     recipe: Annotated[Name, Field(description="Name of the dataset.")]
     description: Annotated[str, Field(max_length=2000, description="Purpose of the dataset, as text.")] = ""
+    about: Annotated[About, Field(description="Licence, authors, citation and responsible use of the dataset.")] = (
+        About()
+    )
     seed: Annotated[Seed, Field(description="Seed of all random draws.")] = 0
     extends: Annotated[
         str | None, Field(description="Recipe that this one extends: a file below this file's folder.")

@@ -37,7 +37,7 @@ def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iter
     return tables(
         {
             "info": _info(dataset, identity),
-            "licenses": _LICENSES,
+            "licenses": _licenses(dataset),
             "categories": category_rows(),
             "videos": _videos(videos),
             "tracks": _tracks(videos),
@@ -59,7 +59,7 @@ def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], capt
     return tables(
         {
             "info": _info(dataset, identity),
-            "licenses": _LICENSES,
+            "licenses": _licenses(dataset),
             "categories": category_rows(),
             "images": _flat_images(dataset, chosen, captured),
             "annotations": _annotations(chosen),
@@ -67,15 +67,16 @@ def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], capt
     )
 
 
-_LICENSES: list[Row] = [{"id": 1, "name": "not stated", "url": ""}]
+def _licenses(dataset: DatasetPlan) -> list[Row]:
+    return [{"id": 1, "name": dataset.about.licence or "not stated", "url": dataset.about.licence_url}]
 
 
 def _info(dataset: DatasetPlan, identity: str) -> Row:
     return {
         "description": dataset.description,
         "version": identity,
-        "url": "",
-        "contributor": "",
+        "url": dataset.about.url,
+        "contributor": ", ".join(dataset.about.authors),
         "date_created": "",
     }
 

@@ -8,7 +8,7 @@ detections count neither as true nor as false positives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import pycocotools.mask
@@ -21,12 +21,17 @@ _PIECE = 1 << 20  # characters of a run-length code that are decoded at once
 _MAX_CHARACTERS = 7  # of one number
 
 
-def mots_id(instance: int) -> int:
-    """Return the MOTS id of an instance value; 10000 for the ignore region, 0 for the background."""
+def mots_id(instance: int, classes: Mapping[int, int] = MOTS_CLASSES) -> int:
+    """Return the MOTS id of an instance value; 10000 for the ignore region, 0 for the background.
+
+    Args:
+        instance: The instance value.
+        classes: The class of each CARLA tag; all others are in the ignore region.
+    """
     if instance == 0:
         return 0
     tag, number = divmod(instance, 1000)
-    return MOTS_CLASSES[tag] * 1000 + number if tag in MOTS_CLASSES else MOTS_IGNORE * 1000
+    return classes[tag] * 1000 + number if tag in classes else MOTS_IGNORE * 1000
 
 
 def mots_picture(instance: NDArray[np.uint16]) -> NDArray[np.uint16]:
@@ -37,7 +42,14 @@ def mots_picture(instance: NDArray[np.uint16]) -> NDArray[np.uint16]:
     return out
 
 
-def mots_lines(frames: Iterable[LabelledFrame], width: int, height: int, *, first: int = 1) -> Iterator[str]:
+def mots_lines(
+    frames: Iterable[LabelledFrame],
+    width: int,
+    height: int,
+    *,
+    first: int = 1,
+    classes: Mapping[int, int] = MOTS_CLASSES,
+) -> Iterator[str]:
     """Yield the lines of the text file of one sequence.
 
     Args:
@@ -45,11 +57,12 @@ def mots_lines(frames: Iterable[LabelledFrame], width: int, height: int, *, firs
         width: Width of the image in pixels.
         height: Height of the image in pixels.
         first: Number of frame 0 in the file: 1 in MOTSChallenge, 0 in KITTI.
+        classes: The class of each CARLA tag.
     """
     for frame in frames:
         codes: dict[int, list[str]] = {}
         for record in frame["objects"]:
-            codes.setdefault(mots_id(record["instance"]), []).append(record["counts"])
+            codes.setdefault(mots_id(record["instance"], classes), []).append(record["counts"])
         for name, counts in sorted(codes.items()):
             rle = counts[0] if len(counts) == 1 else _union(counts, width, height)
             yield f"{frame['frame'] + first} {name} {name // 1000} {height} {width} {rle}\n"

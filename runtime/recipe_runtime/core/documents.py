@@ -52,6 +52,21 @@ def decode(body: bytes | Raw, kind: type[T]) -> T:
         raise ValueError(text if text.isprintable() else ascii(text)) from None
 
 
+def decode_yaml(body: bytes, kind: type[T]) -> T:
+    """Decode a YAML document of a user into a type.
+
+    Raises:
+        ValueError: it is not YAML, or not of this type; one printable line.
+    """
+    try:
+        return msgspec.yaml.decode(body, type=kind)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    except ValueError as error:
+        text = " ".join(str(error).split())[:300]
+        raise ValueError(text if text.isprintable() else ascii(text)) from None
+
+
 def decode_exactly(body: bytes, kind: type[T]) -> T:
     """Decode a document in which each object has only known keys, and each once.
 

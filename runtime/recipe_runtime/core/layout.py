@@ -11,6 +11,9 @@ from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
 
 MANIFEST = "manifest.json"
 CARD = "README.md"
+CROISSANT = "croissant.json"
+CITATION = "CITATION.cff"
+DESCRIPTIONS = (CARD, CROISSANT, CITATION)  # texts for people and catalogues, which may change with a release
 KWCOCO = "annotations/kwcoco.json"
 MOTS_SPLIT = "MOTS-train"
 MOTS_SEQUENCES = f"mots/{MOTS_SPLIT}"
@@ -122,7 +125,8 @@ def recipe_file(name: str) -> str:
 
 def expected_files(plan: DatasetPlan) -> set[str]:
     """The path of every file of a plan's dataset: no more and no fewer are in it, but for the recipe and the page."""
-    files = {MANIFEST, CARD, CONTACT_SHEET, OVERLAY_SHEET, PAGE}
+    files = {MANIFEST, CARD, CROISSANT, CONTACT_SHEET, OVERLAY_SHEET, PAGE}
+    files |= {CITATION} if plan.about.authors else set()
     files |= {KWCOCO} if "kwcoco" in plan.annotations else set()
     files |= {coco_file("rgb")} if "coco" in plan.annotations else set()
     files |= {MOTS_SEQMAP} if "mots_txt" in plan.annotations else set()

@@ -6,6 +6,7 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 
+from recipe_compiler.ir.about import About
 from recipe_compiler.ir.modalities import MODALITIES, form_of
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plurals import count
@@ -13,7 +14,7 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.records import Video
 from recipe_runtime.core import layout
-from recipe_runtime.dataset.markdown import one_line, paragraphs
+from recipe_runtime.dataset.markdown import code_block, one_line, paragraphs
 from recipe_runtime.modalities import declared
 
 
@@ -27,6 +28,7 @@ def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_fi
         _counts(videos),
         _objects(videos),
         _layout(dataset),
+        *rights(dataset.about),
         *_again(dataset, recipe_file),
         f"`{layout.MANIFEST}` holds the SHA-256 of every file and a digest of every frame's pixels; "
         "`plans/` holds the plan of each variant, fully expanded.",
@@ -49,6 +51,19 @@ def commands(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
     """Return the commands that verify the dataset in the current folder and build it again, quoted for the shell."""
     recipe, again = shlex.quote(recipe_file or f"{dataset.recipe}.yaml"), shlex.quote(f"../{dataset.recipe}-again")
     return ["recipe verify .", f"recipe build {recipe} --output {again}"]
+
+
+def rights(about: About) -> list[str]:
+    """Return licence, authors and citation, if the recipe states them."""
+    rows = {
+        "Licence": about.licence,
+        "Authors": ", ".join(about.authors),
+        "Web page": about.url,
+        "Version": about.version,
+    }
+    lines = "\n".join(f"- {name}: {one_line(text)}" for name, text in rows.items() if text)
+    cited = ["Cite it as", code_block(about.citation)] if about.citation else []
+    return ["## Licence and citation", *([lines] if lines else []), *cited] if lines or cited else []
 
 
 def _counts(videos: Sequence[Video]) -> str:

@@ -1,6 +1,7 @@
 """`manifest.json`: the digests of a dataset's content and files.
 
     identity   NAME@sha256:DIGEST for citation, equal to the lockfile's; over plans, traces, pixels and labels
+    about      licence, authors and so on, if the recipe states them
     outputs    the outputs that the recipe requests
     tools      versions of the packages that bytes depend on
     variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
@@ -21,7 +22,7 @@ import stat
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, cast
 
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
@@ -52,7 +53,7 @@ _TABLES: Final[tuple[Literal["files", "pictures"], ...]] = ("files", "pictures")
 
 def head(dataset: DatasetPlan) -> ManifestHead:
     """Return the part of a manifest that is known before the build; equal heads produce equal datasets."""
-    return {
+    found: ManifestHead = {
         "format": FORMAT,
         "recipe": dataset.recipe,
         "description": dataset.description,
@@ -60,6 +61,8 @@ def head(dataset: DatasetPlan) -> ManifestHead:
         "outputs": dataset.outputs,
         "stages": dict(STAGES),
     }
+    about = cast("dict[str, str | list[str]]", dataset.about.stated)
+    return {**found, "about": about} if about else found
 
 
 def manifest_text(
@@ -201,7 +204,8 @@ def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
     """Return whether a manifest has the digests of this plan and these tools, a digest of each of its frames, and the
     identity of these digests.
     """
-    if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
+    planned_head = {"about": None, **head(dataset)}
+    if {key: manifest.get(key) for key in planned_head} != planned_head or manifest.get("tools") != tool_versions():
         return False
     planned, rows = {v.variant: _planned_variant(v) for v in dataset.variants}, manifest["variants"]
     if manifest["order"] != list(planned) or any(not planned[name].items() <= rows[name].items() for name in planned):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias, TypedDict
 
+from recipe_compiler.ir.about import MAX_AUTHORS, MAX_LINE, MAX_TEXT
 from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan_types import MAX_DESCRIPTION, MAX_INTERVAL, MAX_SENSORS, MAX_VARIANT_NAME, MAX_VARIANTS
 
@@ -13,6 +14,7 @@ _Name: TypeAlias = Annotated[str, Meta(min_length=1, max_length=100)]
 _Variant: TypeAlias = Annotated[str, Meta(max_length=MAX_VARIANT_NAME)]
 _Path: TypeAlias = Annotated[str, Meta(max_length=2000)]
 _Interval: TypeAlias = Annotated[int, Meta(gt=1, le=MAX_INTERVAL)]
+_Line: TypeAlias = Annotated[str, Meta(max_length=MAX_LINE)]
 _Frames: TypeAlias = Annotated[list[Sha256], Meta(min_length=1)]  # in the order of the frames that the sensor takes
 _Kind: TypeAlias = Annotated[str, Meta(pattern=f"^({'|'.join(DIGEST_KINDS)})$")]
 _Modalities: TypeAlias = Annotated[dict[_Kind, _Frames], Meta(min_length=1)]
@@ -54,7 +56,16 @@ class VariantRecord(PlannedVariant):
     frames: FrameDigests
 
 
-class ManifestHead(TypedDict):
+class _About(TypedDict, total=False):
+    """What the recipe states about the dataset; absent if it states nothing. `reader` checks it."""
+
+    about: Annotated[
+        dict[_Name, Annotated[str, Meta(max_length=MAX_TEXT)] | Annotated[list[_Line], Meta(max_length=MAX_AUTHORS)]],
+        Meta(min_length=1, max_length=100),
+    ]
+
+
+class ManifestHead(_About):
     """The part of a manifest that depends on the plan only."""
 
     format: Literal["recipe/manifest/1"]

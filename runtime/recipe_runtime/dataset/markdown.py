@@ -35,6 +35,13 @@ def one_line(text: str) -> str:
     return _escaped(_visible(re.sub(r"[\r\n]+", " ", text)))
 
 
+def code_block(text: str) -> str:
+    """Return the text as an indented block of code, in which it has no meaning as Markdown."""
+    lines = re.split(r"\r\n|\r|\n", text.strip("\r\n"))
+    shown = (_HIDDEN.sub("\ufffd", line.replace("\t", "    ")).rstrip(" ") for line in lines)
+    return "\n".join(f"    {line}".rstrip(" ") for line in shown)
+
+
 def _visible(line: str) -> str:
     """Strip a line, and replace tabs by spaces and unprintable characters by U+FFFD."""
     return " ".join(_HIDDEN.sub("\ufffd", line.replace("\t", " ")).split())

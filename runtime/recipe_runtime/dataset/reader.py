@@ -373,11 +373,15 @@ def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan
         if variant.variant != name:
             raise ValueError(f"{path} is the plan of {variant.variant!r}")
         variants.append(variant)
-    given = {"recipe": manifest["recipe"], "description": manifest["description"], "variants": tuple(variants)}
+    given = {"recipe": manifest["recipe"], "description": manifest["description"], "about": manifest.get("about", {})}
     forms = dict(manifest["outputs"])
-    plan = DatasetPlan.model_validate({**given, "annotations": forms.pop("annotations", ()), "forms": forms})
+    plan = DatasetPlan.model_validate(
+        {**given, "variants": tuple(variants), "annotations": forms.pop("annotations", ()), "forms": forms}
+    )
     if plan.outputs != manifest["outputs"]:
         raise ValueError("outputs does not list the forms of files as a manifest does")
+    if plan.about.stated != manifest.get("about", {}):
+        raise ValueError("about is not written as a manifest has it")
     return plan
 
 

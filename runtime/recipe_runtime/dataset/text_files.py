@@ -29,6 +29,8 @@ from recipe_runtime.core import layout
 from recipe_runtime.core.documents import decode
 from recipe_runtime.core.files import open_inside, sha256_of
 from recipe_runtime.dataset.card import card
+from recipe_runtime.dataset.catalogues.citation import citation
+from recipe_runtime.dataset.catalogues.croissant import croissant
 
 _MAX_RUN_CODES = 12  # characters a pixel of all masks of a frame: two runs of at most six
 
@@ -108,10 +110,13 @@ def annotation_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video
 def closing_texts(
     dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_file: str | None
 ) -> Iterator[Text]:
-    """The plans and the card. `recipe_file`: the recipe's path in the dataset, if it is included."""
+    """The plans, the card and what catalogues read. `recipe_file`: the recipe's path in the dataset, if it is in it."""
     for variant in dataset.variants:
         yield layout.plan_file(variant.variant), lambda v=variant: [pretty(v.document())]  # type: ignore[misc]
     yield layout.CARD, lambda: [card(dataset, identity, videos, recipe_file)]
+    yield layout.CROISSANT, lambda: [croissant(dataset, identity, recipe_file)]
+    if dataset.about.authors:
+        yield layout.CITATION, lambda: [citation(dataset, identity)]
 
 
 def _sequence(video: Video) -> str:

@@ -10,6 +10,7 @@ from recipe_compiler.ir.semantic_tags import Tag
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.modalities.modality import Array, FileForm, Modality, Screen
 
+NAME = "semantic"
 # CARLA 0.9.14's palette, by tag (Docs/ref_sensors.md).
 _PALETTE = np.array(
     [
@@ -38,7 +39,7 @@ def _card(dataset: DatasetPlan) -> str:
 
 
 MODALITY = Modality(
-    name="semantic",
+    name=NAME,
     dtype="uint8",
     files={"png": FileForm("uint8", "semantic")},
     picture=_picture,

@@ -169,6 +169,14 @@ def _rows(index: _Index) -> list[Row]:
     return rows
 
 
+def parsed_rows(body: bytes) -> list[Row]:
+    """Return the rows of the files of an index; none if it is damaged."""
+    try:
+        return _rows(decode_exactly(body, _Index))
+    except ValueError:
+        return []
+
+
 def _listed(dataset: Dataset, folder: Path) -> dict[str, tuple[int, str]] | None:
     return {row["file"]: (row["size"], row["sha256"]) for row in _rows(_read(folder, dataset))} or None
 

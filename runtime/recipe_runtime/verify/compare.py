@@ -201,7 +201,7 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
 
 
 def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
-    """Compare the parts of a dataset that no identity covers: description, outputs, and the plans in its folder.
+    """Compare the parts of a dataset that no identity covers: description, `about`, outputs, and the plans in it.
 
     Args:
         plan: the plan of the recipe or, without a recipe, the dataset's own. A recipe's plan is compared with the
@@ -209,9 +209,9 @@ def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
         dataset: the dataset; each plan digest is compared with the plan in its folder.
     """
     found, excuse = [], excuse_of("plan", dataset.lock)
-    if dataset.plan.description != plan.description:
-        message = f"{layout.MANIFEST}: the description of the dataset is not the recipe's"
-        found.append(Difference("recipe", message))
+    for key in ("description", "about"):
+        if getattr(dataset.plan, key) != getattr(plan, key):
+            found.append(Difference("recipe", f"{layout.MANIFEST}: the {key} of the dataset is not the recipe's"))
     own = compare_plans(dataset.plan, dataset.lock) if dataset.plan is not plan else []
     found += [replace(difference, message=f"{layout.MANIFEST}: {difference.message}") for difference in own]
     return found + [

@@ -85,8 +85,9 @@ def _compare_recipe(
     if plan.recipe != dataset.plan.recipe:
         message = f"{place} is the recipe {plan.recipe!r}, and the dataset is named {dataset.plan.recipe!r}"
         found.append(Difference("recipe", message))
-    if plan.description != dataset.plan.description:
-        found.append(Difference("recipe", f"{place} has a different description than the dataset"))
+    for key in ("description", "about"):
+        if getattr(plan, key) != getattr(dataset.plan, key):
+            found.append(Difference("recipe", f"{place} has a different {key} than the dataset"))
     if not other and names != [variant.variant for variant in dataset.plan.variants]:
         found.append(
             Difference("recipe", f"{place} has different variants than the dataset, or a different order", excuse)

@@ -139,7 +139,11 @@ def self_test(
 
 def file_rows(files: Mapping[str, FileRecord]) -> dict[str, str]:
     """Return the SHA-256 of every compared file; README and manifest contain versions and are not compared."""
-    return {path: row["sha256"] for path, row in sorted(files.items()) if path not in (layout.CARD, layout.MANIFEST)}
+    return {
+        path: row["sha256"]
+        for path, row in sorted(files.items())
+        if path not in (*layout.DESCRIPTIONS, layout.MANIFEST)
+    }
 
 
 def _other_files(files: Mapping[str, FileRecord]) -> list[tuple[str, str]]:

@@ -121,7 +121,7 @@ def verify(
         differences += found
         if dataset is not None:
             differences += _recipe_and_damage(differences, dataset, options, progress, check.traces)
-            excuses = {layout.CARD: excuse_of("card", lock), **check.track_excuses()}
+            excuses = {**dict.fromkeys(layout.DESCRIPTIONS, excuse_of("card", lock)), **check.track_excuses()}
             faults = text_differences(dataset, check.simulated())
             differences += _not_yet_reported(differences, faults, excuse_of("texts", lock), excuses)
         if options.pictures is not None:

@@ -38,14 +38,22 @@ class FormatEntry:
 
 
 _SHARD_SIZE = Option("shard-size", "SIZE", "the size limit of a shard, unless one frame alone is larger; default: 1G")
+_CATEGORIES = Option(
+    "categories",
+    "MAP",
+    "the category of each class: carla, coco, or a YAML file with lines such as `Car: car`; default: the format's own",
+)
+_TASK = Option("task", "TASK", "detect for boxes or segment for outlines; default: detect")
 _PATCH = Option("patch", "NAME", "the patch to export; default: the first of each variant")
 
 FORMATS: Mapping[str, FormatEntry] = {
     "webdataset": FormatEntry("tar shards for training", (_SHARD_SIZE,)),
-    "mots": FormatEntry("the layout of MOTSChallenge, which TrackEval reads"),
-    "kitti": FormatEntry("the layout of KITTI's tracking and MOTS benchmarks"),
+    "mots": FormatEntry("the layout of MOTSChallenge, which TrackEval reads", (_CATEGORIES,)),
+    "kitti": FormatEntry("the layout of KITTI's tracking and MOTS benchmarks", (_CATEGORIES,)),
     "armory": FormatEntry("the layouts of Armory's CARLA datasets, with one patch", (_PATCH,)),
-    "yolo": FormatEntry("the layout on which Ultralytics' YOLO trains detectors"),
+    "yolo": FormatEntry("the layout on which Ultralytics' YOLO trains detectors", (_TASK, _CATEGORIES)),
+    "hf": FormatEntry("a folder that Hugging Face's `datasets` loads", (_CATEGORIES,)),
+    "mot": FormatEntry("the layout of MOTChallenge, with boxes", (_CATEGORIES,)),
 }
 """All export formats by name, the default first."""
 

@@ -7,15 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, NamedTuple, TypeAlias, TypedDict
 
-from recipe_compiler.ir.errors import Problem
+from recipe_compiler.ir.errors import Code, InputError, Problem
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core.documents import Meta
 from recipe_runtime.dataset.reader import Dataset
+from recipe_runtime.transfer.formats.category_map import CategoryMap, chosen
 from recipe_runtime.transfer.formats.sequence import ExportSequence
 
 Options: TypeAlias = Mapping[str, str]  # the given options of a format by name, such as `patch`
+CATEGORIES = "categories"  # the option that names a map
 Size: TypeAlias = Annotated[int, Meta(ge=0, le=1 << 50)]  # bytes
 
 
@@ -57,8 +59,28 @@ class Remarks:
 
 
 def layout_key(name: str, options: Options) -> dict[str, str | int]:
-    """Return what determines the files of a layout besides the dataset."""
-    return {"format": "recipe/layout/1", "layout": name, **options}
+    """Return what determines the files of a layout besides the dataset: of a user's map, its content.
+
+    Raises:
+        InputError: The categories are not a map.
+    """
+    categories = {CATEGORIES: chosen(options[CATEGORIES]).text} if CATEGORIES in options else {}
+    return {"format": "recipe/layout/1", "layout": name, **options, **categories}
+
+
+def categories_of(options: Options, default: CategoryMap) -> CategoryMap:
+    """Return the map of categories that is given, or the format's own."""
+    return chosen(options[CATEGORIES]) if CATEGORIES in options else default
+
+
+def check_pictures(dataset: Dataset, options: Options) -> None:
+    """Raise InputError if a dataset has no RGB pictures."""
+    if not any("rgb" in sensor.capture for variant in dataset.plan.variants for sensor in variant.rig.sensors):
+        raise InputError(
+            f"{dataset.name} has no RGB pictures",
+            help="add rgb to `capture` in the recipe, and build it again",
+            code=Code.INVALID_DATASET,
+        )
 
 
 def by_path(rows: Sequence[Row]) -> dict[str, object]:

@@ -19,8 +19,9 @@ the same origin. `occluded` is 0 if at most 10 % are hidden, 1 up to 50 %, else 
 tracking benchmark's labels (in the detection benchmark's, it is a share): 0 if at most 2 % of the area of the unclipped
 2-D box are outside of the picture, 1 up to 50 %, else 2. The benchmark's evaluation leaves out objects with 1 or 2.
 Objects whose 2-D box is one pixel wide or high are `DontCare`, because such a box has no area: its right edge is its
-left one, so no detection matches it. In `poses/`, frames that a sensor with a `tick` does not take are `nan`; each
-counts 48 bytes when the size of an export is compared with the limit.
+left one, so no detection matches it. With `--categories`, types are the names of the map, and actors without one are
+`DontCare`; classes in `mots/` stay those of the benchmark. In `poses/`, frames that a sensor with a `tick` does not
+take are `nan`; each counts 48 bytes when the size of an export is compared with the limit.
 """
 
 from __future__ import annotations
@@ -35,34 +36,31 @@ from recipe_compiler.ir.optics import bends
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plan_types import fixed
 from recipe_compiler.ir.plurals import count
-from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.mots import mots_lines
 from recipe_runtime.annotate.records import LabelledFrame, LabelRecord
 from recipe_runtime.core.transforms import VIEW_FROM_SENSOR
 from recipe_runtime.dataset.reader import Dataset
-from recipe_runtime.transfer.formats.format import Entry, Format, Options, Remarks, Row
+from recipe_runtime.transfer.formats.category_map import CategoryMap, of_benchmark
+from recipe_runtime.transfer.formats.format import Entry, Format, Options, Remarks, Row, categories_of
 from recipe_runtime.transfer.formats.sequence import ExportSequence, names_table
 
 _POSE_BYTES = 48  # of a frame without a picture
 _MAX_NAMES = 20  # of sensors in a warning
 _DEGREE = math.pi / 180.0
-TYPES: dict[int, str] = {
-    Tag.PEDESTRIAN.value: "Pedestrian",
-    Tag.CAR.value: "Car",
-    Tag.TRUCK.value: "Truck",
-    Tag.BICYCLE.value: "Cyclist",
-    Tag.TRAIN.value: "Tram",
-}
-"""KITTI's type of each tag; all others are `Misc`."""
+_CATEGORIES = of_benchmark(
+    dict(enumerate(("Pedestrian", "Car", "Truck", "Cyclist", "Tram", "Misc"), start=1)),
+    {"Pedestrian": 1, "Rider": 6, "Car": 2, "Truck": 3, "Bus": 6, "Train": 5, "Motorcycle": 6, "Bicycle": 4},
+)
 _UNKNOWN = " ".join(["-1000.000000"] * 3 + ["-10.000000"] + ["-1.000000"] * 3)  # of DontCare: sizes, position, rotation
 
 
 def _files(sequences: Sequence[ExportSequence], options: Options) -> Iterator[Entry]:
+    categories = categories_of(options, _CATEGORIES)
     for sequence in sequences:
         camera, name = sequence.sensor.camera, f"{sequence.number:04d}"
-        yield Entry(f"training/label_02/{name}.txt", label_lines(sequence.labels()))
+        yield Entry(f"training/label_02/{name}.txt", label_lines(sequence.labels(), categories))
         first = next(sequence.labels(), None)
         if first is not None:
             yield Entry(f"training/calib/{name}.txt", calibration_text(first["calibration"]).encode())
@@ -95,7 +93,7 @@ def _warn_of_distortion(dataset: Dataset, out: Path, rows: Sequence[Row]) -> Rem
     return Remarks([Problem(what, None, remedy, Code.INVALID_DATASET)])
 
 
-def label_lines(frames: Iterable[LabelledFrame]) -> Iterator[str]:
+def label_lines(frames: Iterable[LabelledFrame], categories: CategoryMap = _CATEGORIES) -> Iterator[str]:
     """Yield the lines of `label_02/<sequence>.txt`.
 
     The fields are frame, track, type, truncated, occluded, alpha, left, top, right, bottom, height, width, length, x,
@@ -106,7 +104,9 @@ def label_lines(frames: Iterable[LabelledFrame]) -> Iterator[str]:
     for frame in frames:
         for item in frame["objects"]:
             _, _, wide, high = item["amodal_bbox"]
-            label = _label(item) if min(wide, high) > 1 else _ignored(item)
+            category = categories.id(item["instance"])
+            is_counted = category is not None and min(wide, high) > 1
+            label = _label(item, categories.names[category or 0]) if is_counted else _ignored(item)
             yield f"{frame['frame']} {label}\n"
 
 
@@ -133,7 +133,7 @@ def pose_lines(frames: Iterable[LabelledFrame]) -> Iterator[str]:
         yield _numbers(frame["calibration"]["camera_to_world"][:3]) + "\n"
 
 
-def _label(item: LabelRecord) -> str:
+def _label(item: LabelRecord, category: str) -> str:
     x, y, z = bottom(item)
     w, qx, qy, qz = item["box3d"]["rotation"]
     ahead, left = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy + w * qz)  # of the box's front, in the sensor's frame
@@ -143,7 +143,7 @@ def _label(item: LabelRecord) -> str:
     x0, y0, wide, high = item["amodal_bbox"]
     fields = [
         item["instance"],
-        TYPES.get(item["instance"] // 1000, "Misc"),
+        "_".join(category.split()),
         _level(item["truncation"], 0.02, 0.5),
         _level(1.0 - item["visible_fraction"], 0.1, 0.5),
         _text(alpha * _DEGREE),

@@ -38,7 +38,7 @@ def plan() -> DatasetPlan:
 def exports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("trackeval")
     dataset = made(plan(), folder / "tiny")
-    for name in ("mots", "kitti"):
+    for name in ("mots", "mot", "kitti"):
         export(dataset, folder / name, name, quiet)
     return folder
 
@@ -50,6 +50,18 @@ def mots(folder: Path) -> tuple[str, dict[str, Any], list[str]]:
         shutil.copy(path / "gt" / "gt.txt", data / f"{path.name}.txt")
     config = {"GT_FOLDER": str(folder / "mots"), "TRACKERS_FOLDER": str(folder / "mots_trackers")}
     return "MOTSChallenge", config, ["pedestrian"]
+
+
+def mot(folder: Path) -> tuple[str, dict[str, Any], list[str]]:
+    """Return what the evaluation of boxes needs; the tracker outputs the boxes of people."""
+    data = folder / "mot_trackers" / "MOT17-train" / "perfect" / "data"
+    data.mkdir(parents=True, exist_ok=True)
+    for path in (folder / "mot" / "MOT17-train").iterdir():
+        rows = [line.split(",") for line in (path / "gt" / "gt.txt").read_text().splitlines()]
+        people = [row for row in rows if row[7] == "1"]
+        (data / f"{path.name}.txt").write_text("".join(",".join([*row[:6], "1,-1,-1,-1"]) + "\n" for row in people))
+    config = {"GT_FOLDER": str(folder / "mot"), "TRACKERS_FOLDER": str(folder / "mot_trackers")}
+    return "MotChallenge2DBox", config, ["pedestrian"]
 
 
 def kitti(folder: Path) -> tuple[str, dict[str, Any], list[str]]:
@@ -66,7 +78,7 @@ def kitti_mots(folder: Path) -> tuple[str, dict[str, Any], list[str]]:
     return "KittiMOTS", {**config, "SPLIT_TO_EVAL": "training"}, ["car", "pedestrian"]
 
 
-@pytest.mark.parametrize("layout", [mots, kitti, kitti_mots])
+@pytest.mark.parametrize("layout", [mots, mot, kitti, kitti_mots])
 def test_a_perfect_tracker_has_perfect_scores(
     exports: Path, layout: Callable[[Path], tuple[str, dict[str, Any], list[str]]]
 ) -> None:

@@ -9,11 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from hypothesis import example, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
 from pycocotools.coco import COCO
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import RigPlan
+from recipe_runtime.annotate.outlines import joined, rings
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.transfer.export import export
 
@@ -58,6 +62,59 @@ def test_boxes_are_those_of_coco(tiny: Dataset, tmp_path: Path) -> None:
         marked = coco.loadAnns(coco.getAnnIds(image["id"]))
         expected = np.array([[a["category_id"] - 1, *a["bbox"]] for a in marked], float).reshape(-1, 5)
         np.testing.assert_allclose(found[name], expected, atol=64e-6)
+
+
+def inside(polygon: NDArray[np.float64], width: int, height: int) -> NDArray[np.bool_]:
+    """Return the pixels whose centres are in a polygon by the rule of odd crossings, [H, W]."""
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    found = np.zeros((height, width), np.bool_)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y0 != y1:
+            found ^= ((y0 <= y) != (y1 <= y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return found
+
+
+@given(arrays(np.uint8, (5, 7), elements=st.integers(0, 1)))
+@example(np.array([[1, 1, 1, 0, 0], [1, 0, 1, 0, 1], [1, 1, 0, 1, 0]], np.uint8))  # a hole, pieces that share corners
+def test_a_polygon_is_the_mask(mask: NDArray[np.uint8]) -> None:
+    polygon = np.array(joined(rings(mask)), float).reshape(-1, 2)
+    if not mask.any():
+        assert not len(polygon)
+        return
+    assert np.array_equal(inside(polygon, mask.shape[1], mask.shape[0]), mask > 0)
+    rows, columns = np.nonzero(mask)
+    assert [*polygon.min(axis=0), *polygon.max(axis=0)] == [
+        columns.min(),
+        rows.min(),
+        columns.max() + 1,
+        rows.max() + 1,
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # pycocotools' decode
+def test_segments_are_the_masks_of_coco(tiny: Dataset, tmp_path: Path) -> None:
+    export(tiny, tmp_path / "out", "yolo", quiet, options={"task": "segment", "categories": "coco"})
+    names = yaml.safe_load((tmp_path / "out" / "data.yaml").read_text())["names"]
+    assert names == dict(enumerate(["person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck"]))
+    coco = COCO(tiny.root / "annotations/coco/rgb.json")
+    lines = (tmp_path / "out/labels/train/0000_weather-w0_jitter-still-street_000003.txt").read_text().splitlines()
+    (image,) = (i for i in coco.imgs.values() if i["file_name"] == "weather=w0,jitter=still/street/rgb/000003.png")
+    marked = coco.loadAnns(coco.getAnnIds(image["id"]))
+    assert marked and len(lines) == len(marked)
+    for line, annotation in zip(lines, marked, strict=True):
+        category, *shares = map(float, line.split())
+        assert len(shares) >= 6 and len(shares) % 2 == 0 and min(shares) >= 0 and max(shares) <= 1
+        assert (
+            names[category] == {"Pedestrian": "person", "Truck": "truck"}[coco.cats[annotation["category_id"]]["name"]]
+        )
+        polygon = np.array(shares).reshape(-1, 2) * [image["width"], image["height"]]
+        assert np.array_equal(inside(polygon, image["width"], image["height"]), coco.annToMask(annotation) > 0)
+
+
+def test_other_tasks_are_refused(tiny: Dataset, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no task 'classify'"):
+        export(tiny, tmp_path / "out", "yolo", quiet, options={"task": "classify"})
 
 
 def test_frames_without_objects_have_an_empty_file(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Files of a dataset for catalogues and search engines."""
