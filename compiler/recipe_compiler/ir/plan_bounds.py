@@ -246,6 +246,11 @@ def actor_fault(actor: ActorPlan) -> str | None:
     return _shape_fault(actor.blueprint, actor.shape, ranges)
 
 
+POSE = "pose"
+"""A key of the shape of some pedestrians: what they do."""
+TALKING, SITTING = 1, 2
+
+
 def shape_of(blueprint: str) -> Mapping[str, Range]:
     """Return the range of each key in the shape of a blueprint; empty for an unknown blueprint."""
     if blueprint.startswith("walker.pedestrian."):
@@ -260,9 +265,9 @@ def shape_of(blueprint: str) -> Mapping[str, Range]:
 
 def _shape_fault(what: str, shape: Mapping[str, float], ranges: Mapping[str, Range]) -> str | None:
     """Return the first key of a shape that is missing, unknown or out of range, in words."""
-    for key in sorted({*shape} ^ {*ranges}):
+    for key in sorted(({*shape} ^ {*ranges}) - ({POSE} if ranges is _WALKER else set())):
         return f"its shape has {key!r}, which no {what} has" if key in shape else f"its shape lacks {key!r}"
-    for key, span in ranges.items():
+    for key, span in {**ranges, **({POSE: (TALKING, SITTING)} if POSE in shape else {})}.items():
         value = shape[key]
         whole = isinstance(span[0], int) and isinstance(span[1], int)
         if not span[0] <= value <= span[1] or (whole and value != int(value)):

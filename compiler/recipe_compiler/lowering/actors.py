@@ -9,6 +9,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.path_planner import BODY
 from recipe_compiler.ir.plan import ActorPlan, DriverPlan, Point, Pose, TexturePlan
+from recipe_compiler.ir.plan_bounds import POSE, SITTING, TALKING
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
@@ -24,6 +25,11 @@ from recipe_compiler.source.yaml_reader import show
 
 MAX_ROUTE = 20_000.0  # length limit of generated routes, metres
 _AHEAD = {"vehicle": 150.0, "pedestrian": 20.0}  # metres of a route beyond the farthest place that an actor can reach
+
+
+POSES = {"talk": {POSE: float(TALKING)}, "sit": {POSE: float(SITTING)}, "telephone": {"phone": 1.0}}
+"""What a pose of the recipe changes in the shape of a pedestrian."""
+STAYING = ("talk", "sit")
 
 
 class ActorLowering:
@@ -146,6 +152,8 @@ class ActorLowering:
         self._colour(name, blueprint, actor.look)
         entry = self._town.streets.entry(start) if waypoints is None and blueprint.category == "vehicle" else None
         plan = self._plan(name, self._instances[name], blueprint, start, route if speed > 0 else (), speed)
+        if actor.pose is not None:
+            plan = plan.model_copy(update={"shape": {**plan.shape, **POSES[actor.pose]}})
         held = actor.start is not None and self._warmup > 0.0
         obeys = not self._happens(name, "lights", actor.driver.ignore_lights_percentage if actor.driver else None)
         return plan.model_copy(update={"held": held, "entry": entry, "driver": driver, "obeys": obeys})
@@ -153,6 +161,8 @@ class ActorLowering:
     def _driven(self, name: str, actor: Actor, blueprint: Blueprint) -> tuple[float, DriverPlan | None]:
         """Return the speed of a named actor, m/s, and its driver if the recipe describes one."""
         speed = blueprint.default_speed if actor.speed is None else actor.speed
+        if actor.pose in STAYING:
+            speed = 0.0
         if actor.driver is None:
             return speed, None
         if blueprint.category == "pedestrian":

@@ -15,6 +15,7 @@ from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import Obstacle
 from recipe_compiler.ir.ground.path_planner import XY, Planner, TooManyObstaclesError, TooMuchWorkError, Work
 from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
+from recipe_compiler.ir.plan_bounds import POSE, SITTING
 from recipe_compiler.ir.plan_types import MAX_POINTS
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.enclosures import Yards
@@ -130,6 +131,8 @@ class WalkingRoutes:
             at: the start or the waypoint.
             path: where it is in the recipe.
         """
+        if actor.shape.get(POSE) == SITTING:  # on a bench, for example
+            return False
         solid = self._named.inside(*at) if actor.category == "pedestrian" else self._crowd.inside(*at, 0.0)
         if solid is None:
             return False

@@ -147,7 +147,23 @@ class Actor(Model):
     look: Annotated[
         dict[str, Colour], Field(description='Colours by slot, such as `{shirt: "#aa0000"}`. Default: random colours.')
     ] = {}
+    pose: Annotated[
+        Literal["talk", "telephone", "sit"] | None,
+        Field(
+            description="What a pedestrian does. talk: stands, with a gesture; telephone: holds a telephone to the "
+            "ear; sit: sits at the start, on a seat 0.45 m high. Default: as the blueprint."
+        ),
+    ] = None
     driver: Annotated[Driver | None, Field(description="How a vehicle is driven.")] = None
+
+    @model_validator(mode="after")
+    def _pose_of_a_pedestrian(self) -> Actor:
+        if self.pose is not None and not self.blueprint.startswith("walker."):
+            raise PydanticCustomError("pose", "only pedestrians have a pose; remove the key", {"key": "pose"})
+        if self.pose in ("sit", "talk") and (self.goal or self.route or self.speed):
+            text = f"a person whose pose is `{self.pose}` stays at the start; remove `goal`, `route` and `speed`"
+            raise PydanticCustomError("pose", text, {"key": "pose"})
+        return self
 
     @model_validator(mode="after")
     def _one_way(self) -> Actor:

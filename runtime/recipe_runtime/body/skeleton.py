@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.ir.plan_bounds import POSE, SITTING, TALKING
 from recipe_compiler.ir.semantic_tags import BODIES
 
 Offset = tuple[float, float, float]
@@ -45,6 +46,17 @@ class Figure:
     limb: float  # scale of the legs, less than 1 for children
     stoop: float = 0.0  # degrees by which an old back is bent
     phone: float = 0.0  # 1 for a person who holds a telephone to the ear
+    pose: float = 0.0  # TALKING, SITTING or 0
+
+    @property
+    def sits(self) -> bool:
+        """Whether the person sits."""
+        return self.pose == SITTING
+
+    @property
+    def talks(self) -> bool:
+        """Whether the person stands and talks."""
+        return self.pose == TALKING
 
     @classmethod
     def of(cls, shape: Mapping[str, float]) -> Figure:
@@ -54,7 +66,8 @@ class Figure:
             shape: the blueprint's shape; `rider`, if present, is the rider's height.
         """
         height = shape.get("rider", shape["height"])
-        wide, posture = 0.1 * height * shape["shoulder"], (shape.get("stoop", 0.0), shape.get("phone", 0.0))
+        wide = 0.1 * height * shape["shoulder"]
+        posture = shape.get("stoop", 0.0), shape.get("phone", 0.0), shape.get(POSE, 0.0)
         return cls(height, wide, shape["girth"], shape["head"], shape["limb"], *posture)
 
     @cached_property

@@ -27,6 +27,7 @@ _HEAD_RATE = 150.0  # degrees/s
 _HEEL, _BALL = 0.036, 0.117  # where the sole rolls, metres behind and ahead of the ankle for a height of 1 m
 _LAND, _LIFT = -16.0, 44.0  # pitch of the foot where it is put down and lifted, degrees, toes down
 
+_SEAT, _SEATED = 0.45, 0.062  # height of a seat, metres; of the hips above it, for a height of 1 m
 _SHIFT = 0.022  # how far a standing person moves the hips over one leg, for a height of 1 m
 
 Row = tuple[float, ...]
@@ -134,6 +135,8 @@ class Walkers:
         self._out = np.array([4.0 + 22.0 * max(0.0, figure.girth - 1.0) for figure in figures])
         self._stoop = np.array([figure.stoop for figure in figures])
         self._phone = np.array([figure.phone for figure in figures])
+        self._sits = np.array([float(figure.sits) for figure in figures])
+        self._talks = np.array([float(figure.talks) for figure in figures])
         self._scale = np.array([3.0 / Gait(figure).unit_speed for figure in figures])
 
     def pose(self, rows: Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]], ground: Ground) -> Poses:
@@ -152,12 +155,21 @@ class Walkers:
         feet = _Feet(foot[0], foot[1] > 0.0, foot[2], foot[3:8], foot[8:13])
         ankles = self._ankles(body, feet)
         _lift_over_kerbs(ankles, feet, self._height, self._ankle, ground)
-        shift = _SHIFT * self._height * (1.0 - body.walking) * exact_arrays.sin_cos_deg(360.0 * phase)[1]
+        ahead = self._sits * 0.96 * self._thigh  # the feet of a person who sits, before the hips
+        ankles = replace(ankles, x=ankles.x + ahead * hx, y=ankles.y + ahead * hy)
+        shift = (
+            _SHIFT
+            * self._height
+            * (1.0 - self._sits)
+            * (1.0 - body.walking)
+            * exact_arrays.sin_cos_deg(360.0 * phase)[1]
+        )
         x, y = x - shift * hy, y + shift * hx
         body = replace(body, x=x, y=y)
         aside_x, aside_y = -body.hy * (0.05 * self._height), body.hx * (0.05 * self._height)
         hip_x, hip_y = np.stack([x + aside_x, x - aside_x]), np.stack([y + aside_y, y - aside_y])
         base = self._base_height(body, feet, ankles, hip_x, hip_y)
+        base = base + self._sits * (height + _SEAT + _SEATED * self._height - self._hip - base)
         joints = np.empty((4, 12, *x.shape))
         self._upper_body(body, joints)
         self._legs(body, ankles, (hip_x, hip_y, base + self._hip), joints)
@@ -238,12 +250,15 @@ class Walkers:
         cosine = exact_arrays.sin_cos_deg(360.0 * body.phase)[1]
         turn = (5.0 + 4.0 * run) * swing * cosine
         lean = np.minimum(5.0, 1.6 * body.pace) + 5.0 * run + self._stoop
-        still = (1.0 - body.walking) * cosine  # weight on one leg: hips aside, the trunk upright over them
+        still = (
+            (1.0 - self._sits) * (1.0 - body.walking) * cosine
+        )  # weight on one leg: hips aside, the trunk upright over them
         phone, other = self._phone + 0.0 * turn, 1.0 - self._phone
         backward = cosine * swing
         forward = -swing - 0.8 * lean
         bent = 9.0 + 10.0 * swing + 66.0 * run
         amplitude, fold = 24.0 + 10.0 * run, 9.0 + 3.0 * run
+        sits, talks = self._sits, self._talks * (1.0 - body.walking)  # hands on the knees; a gesture
         angles = np.stack(
             [
                 turn,
@@ -251,11 +266,11 @@ class Walkers:
                 -0.8 * lean,
                 body.head_yaw - turn,
                 self._out + 0.0 * turn,
-                amplitude * backward + forward + 12.0 * run,
-                other * (-amplitude * backward + forward + 12.0 * run) - 70.0 * phone,
+                amplitude * backward + forward + 12.0 * run - 14.0 * sits - 8.0 * talks,
+                other * (-amplitude * backward + forward + 12.0 * run - 14.0 * sits - 24.0 * talks) - 70.0 * phone,
                 -0.5 * self._out + 0.0 * turn,
-                fold * backward - bent,
-                other * (-fold * backward - bent) - 145.0 * phone,
+                fold * backward - bent - 36.0 * sits - 45.0 * talks,
+                other * (-fold * backward - bent - 36.0 * sits - 78.0 * talks) - 145.0 * phone,
                 10.0 * run,
                 other * self._out + 50.0 * phone,
                 -0.5 * other * self._out + 0.0 * turn,

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 import pybullet
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Element, Pose, PropPlan, TownPlan
+from recipe_compiler.ir.plan_bounds import POSE, SITTING
 
 from recipe_runtime.body.kinematics import Quaternion, Vector, rotate
 from recipe_runtime.simulation.boxes import Box, neighbourhoods
@@ -167,7 +168,9 @@ class World:
         """Add a pedestrian and return its body id."""
         shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=self._client)
         inertia = 0.5 * mass * radius * radius
-        return self._add_actor(actor, shape, mass, inertia, friction=0.0, mask=_OBSTACLE | _ACTOR | _PARKED)
+        sits = actor.shape.get(POSE) == SITTING  # in a seat, which is an obstacle to others
+        mask = _ACTOR if sits else _OBSTACLE | _ACTOR | _PARKED
+        return self._add_actor(actor, shape, 0.0 if sits else mass, inertia, friction=0.0, mask=mask)
 
     def add_vehicle(self, actor: ActorPlan, mass: float, inertia: float) -> int:
         """Add a vehicle and return its body id.

@@ -70,7 +70,7 @@ class PedestrianAgent(Agent):
 
     def decide(self, others: Sequence[Agent], seconds: float) -> None:
         """Choose direction and speed: along the route, across roads when permitted, around others."""
-        stands = self.held or seconds < self._stands_until
+        stands = self.held or seconds < self._stands_until or self.figure.sits
         self._wish = self._walker.decide(self, others, seconds, stands=stands)
         self.waiting, self.crossing, self.look = self._wish.waits, self._wish.crossing, self._wish.look
         self.pace, self.aim = self._wish.speed, self._wish.aim
