@@ -143,12 +143,11 @@ def detector_scores() -> str:
             return f"{new['precision']:.2f} ({new['recall']:.2f})"
         return f"{old['precision']:.2f} → {new['precision']:.2f} ({old['recall']:.2f} → {new['recall']:.2f})"
 
-    heights = {"40": "40 to 90 px", "90": "over 90 px"}
     rows = []
     for row, value in after[detectors[0]].items():
         if isinstance(value, dict):
-            words = (heights.get(word, word) for word in row.split())
-            rows.append((", ".join(words), f"{value['objects']:,}", *(cell(d, row) for d in detectors)))
+            words = row.replace(" 40 ", ", 40 to 90 px, ").replace(" 90 ", ", over 90 px, ")
+            rows.append((words, f"{value['objects']:,}", *(cell(d, row) for d in detectors)))
     alarms = [f"{before[d]['false alarms']:.2f} → {after[d]['false alarms']:.2f}" for d in detectors]
     return table(("objects", "number", *detectors), [*rows, ("false alarms in an empty street", "", *alarms)])
 
