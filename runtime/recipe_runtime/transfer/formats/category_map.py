@@ -66,9 +66,8 @@ def of_benchmark(categories: Mapping[int, str], classes: Mapping[str, int]) -> C
 
 _TAGS = {name: tag for tag, name in CATEGORIES.items()}
 CARLA = CategoryMap(CATEGORY_IDS, {CATEGORY_IDS[tag]: name for tag, name in CATEGORIES.items()})
-_COCO_NAMES = ("person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck")
 COCO = of_benchmark(
-    dict(enumerate(_COCO_NAMES, start=1)),
+    {1: "person", 2: "bicycle", 3: "car", 4: "motorcycle", 5: "airplane", 6: "bus", 7: "train", 8: "truck"},
     {"Pedestrian": 1, "Rider": 1, "Car": 3, "Truck": 8, "Bus": 6, "Train": 7, "Motorcycle": 4, "Bicycle": 2},
 )
 """COCO's first eight categories, with their ids."""
